@@ -1,0 +1,180 @@
+"""Tensor-product B-spline surfaces as plain records: parameters in, points and derivatives out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.errors import SurfaceError
+
+Array = NDArray[np.float64]
+
+CHUNK = 20_000  # points evaluated at once: a few MB of basis functions and poles, inside the cache of most machines
+
+
+@dataclass(frozen=True, eq=False)
+class BSplineSurface:
+    """S(u, v) = Σ_ij N_i,p(u)·N_j,q(v)·w_ij·P_ij / Σ_ij N_i,p(u)·N_j,q(v)·w_ij.
+
+    degree_u, degree_v : p, q.   knots_u (m_u,), knots_v (m_v,) : clamped, with repetition.
+    poles (n_u, n_v, 3), mm.   weights (n_u, n_v) or None where all are 1.
+    Source: L. Piegl, W. Tiller, The NURBS Book, chapters 3 and 4; eq. 7 of Lee et al. (2014).
+    """
+
+    degree_u: int
+    degree_v: int
+    knots_u: Array
+    knots_v: Array
+    poles: Array
+    weights: Array | None = None
+
+    def __post_init__(self) -> None:
+        nu, nv = len(self.knots_u) - self.degree_u - 1, len(self.knots_v) - self.degree_v - 1
+        if self.poles.shape != (nu, nv, 3):
+            raise SurfaceError(f"a surface of degree {self.degree_u} × {self.degree_v} on {len(self.knots_u)} × "
+                               f"{len(self.knots_v)} knots has {nu} × {nv} poles, not {self.poles.shape}")
+        if not all(np.isfinite(a).all() for a in (self.knots_u, self.knots_v, self.poles)):
+            raise SurfaceError("a surface's knots and poles must be finite")
+        for array in (self.knots_u, self.knots_v, self.poles, self.weights):
+            if array is not None:
+                array.setflags(write=False)
+
+    @cached_property
+    def domain(self) -> tuple[float, float, float, float]:
+        """(u_min, u_max, v_min, v_max)."""
+        p, q = self.degree_u, self.degree_v
+        return (float(self.knots_u[p]), float(self.knots_u[-p - 1]), float(self.knots_v[q]), float(self.knots_v[-q - 1]))
+
+    def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Points S(u, v), (…, 3) mm, for u and v of shapes that broadcast.
+
+        Raises: SurfaceError for parameters outside the domain.
+        """
+        return self._derivatives(u, v, 0)[..., 0, 0, :]
+
+    def derivatives(self, u: ArrayLike, v: ArrayLike) -> dict[str, Array]:
+        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v), each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv"."""
+        d = self._derivatives(u, v, 2)
+        orders = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}
+        return {key: d[..., i, j, :] for key, (i, j) in orders.items()}
+
+    def on_grid(self, u: Array, v: Array) -> dict[str, Array]:
+        """`derivatives` on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products."""
+        bu, bv = _dense_basis(self.knots_u, self.degree_u, u, 2), _dense_basis(self.knots_v, self.degree_v, v, 2)
+        homogeneous = self._homogeneous()
+        orders = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}
+        parts = {key: np.einsum("ai,ijc,bj->abc", bu[i], homogeneous, bv[j], optimize=True)
+                 for key, (i, j) in orders.items()}
+        if self.weights is None:
+            return parts
+        stacked = np.zeros((len(u), len(v), 3, 3, 4))
+        for key, (i, j) in orders.items():
+            stacked[:, :, i, j] = parts[key]
+        quotient = _project(stacked)
+        return {key: quotient[:, :, i, j] for key, (i, j) in orders.items()}
+
+    def _homogeneous(self) -> Array:
+        if self.weights is None:
+            return self.poles
+        return np.concatenate([self.poles * self.weights[..., None], self.weights[..., None]], axis=2)
+
+    def _derivatives(self, u: ArrayLike, v: ArrayLike, order: int) -> Array:
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        shape = u.shape
+        u, v = u.ravel(), v.ravel()
+        self._check_domain(u, v)
+        homogeneous = self._homogeneous()
+        out = np.empty((u.size, order + 1, order + 1, homogeneous.shape[2]))
+        for start in range(0, u.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            first_u, bu = basis_functions(self.knots_u, self.degree_u, u[part], order)
+            first_v, bv = basis_functions(self.knots_v, self.degree_v, v[part], order)
+            rows = first_u[:, None] + np.arange(self.degree_u + 1)
+            columns = first_v[:, None] + np.arange(self.degree_v + 1)
+            local = homogeneous[rows[:, :, None], columns[:, None, :]]
+            out[part] = np.einsum("nai,nijc,nbj->nabc", bu, local, bv, optimize=True)
+        if self.weights is not None:
+            out = _project(out)
+        return out.reshape((*shape, order + 1, order + 1, 3))
+
+    def _check_domain(self, u: Array, v: Array) -> None:
+        u_min, u_max, v_min, v_max = self.domain
+        # A parameter computed at the very edge may sit a few units of rounding outside.
+        slack = 1e-12
+        du, dv = slack * (u_max - u_min), slack * (v_max - v_min)
+        outside = ~((u >= u_min - du) & (u <= u_max + du) & (v >= v_min - dv) & (v <= v_max + dv))
+        if outside.any():
+            i = int(np.flatnonzero(outside)[0])
+            raise SurfaceError(f"the surface has no point at (u, v) = ({u[i]:.6g}, {v[i]:.6g}): it reaches from "
+                               f"({u_min:.6g}, {v_min:.6g}) to ({u_max:.6g}, {v_max:.6g})")
+
+
+def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[NDArray[np.int64], Array]:
+    """The degree + 1 B-splines that live at each u and their derivatives up to `order` (0 to 2).
+
+    Returns: the index of the first one (n,), and values (n, order + 1, degree + 1).
+    Recursion N_i,p = (u − t_i)/(t_i+p − t_i)·N_i,p−1 + …; derivative p·(N_i,p−1/(t_i+p − t_i) − N_i+1,p−1/(…)).
+    Source: The NURBS Book, eqs. 2.5 and 2.7.
+    """
+    last = len(knots) - degree - 2
+    span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, last)
+    values = [np.ones((u.size, 1))]
+    for p in range(1, degree + 1):
+        values.append(_raise_degree(knots, span, p, u, values[-1]))
+    out = np.empty((u.size, order + 1, degree + 1))
+    for k in range(order + 1):
+        derivative = values[degree - k] if degree >= k else np.zeros((u.size, 1))
+        for p in range(degree - k + 1, degree + 1):
+            derivative = _differentiate(knots, span, p, derivative)
+        out[:, k] = derivative
+    return span - degree, out
+
+
+def _raise_degree(knots: Array, span: NDArray[np.int64], p: int, u: Array, lower: Array) -> Array:
+    out = np.zeros((u.size, p + 1))
+    for j in range(p):
+        right, left = knots[span + j + 1], knots[span + j + 1 - p]
+        share = lower[:, j] / (right - left)
+        out[:, j] += (right - u) * share
+        out[:, j + 1] += (u - left) * share
+    return out
+
+
+def _differentiate(knots: Array, span: NDArray[np.int64], p: int, lower: Array) -> Array:
+    out = np.zeros((lower.shape[0], p + 1))
+    for j in range(p):
+        share = p * lower[:, j] / (knots[span + j + 1] - knots[span + j + 1 - p])
+        out[:, j] -= share
+        out[:, j + 1] += share
+    return out
+
+
+def _dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:
+    """Basis values and derivatives as full matrices (order + 1, n, poles)."""
+    first, local = basis_functions(knots, degree, u, order)
+    full = np.zeros((order + 1, u.size, len(knots) - degree - 1))
+    columns = first[:, None] + np.arange(degree + 1)
+    for k in range(order + 1):
+        np.put_along_axis(full[k], columns, local[:, k], axis=1)
+    return full
+
+
+def _project(h: Array) -> Array:
+    """Derivatives of the quotient from those of numerator and weight, (…, a, b, 4) -> (…, a, b, 3), orders 0 to 2."""
+    out = np.zeros((*h.shape[:-1], 3))
+    w = h[..., 3:]
+    w0 = w[..., 0, 0, :]
+    out[..., 0, 0, :] = h[..., 0, 0, :3] / w0
+    if h.shape[-2] == 1:
+        return out
+    s = out[..., 0, 0, :]
+    out[..., 1, 0, :] = (h[..., 1, 0, :3] - w[..., 1, 0, :] * s) / w0
+    out[..., 0, 1, :] = (h[..., 0, 1, :3] - w[..., 0, 1, :] * s) / w0
+    su, sv = out[..., 1, 0, :], out[..., 0, 1, :]
+    out[..., 2, 0, :] = (h[..., 2, 0, :3] - 2.0 * w[..., 1, 0, :] * su - w[..., 2, 0, :] * s) / w0
+    out[..., 0, 2, :] = (h[..., 0, 2, :3] - 2.0 * w[..., 0, 1, :] * sv - w[..., 0, 2, :] * s) / w0
+    out[..., 1, 1, :] = (h[..., 1, 1, :3] - w[..., 1, 0, :] * sv - w[..., 0, 1, :] * su - w[..., 1, 1, :] * s) / w0
+    return out

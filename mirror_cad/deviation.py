@@ -1,0 +1,223 @@
+"""A design and the surfaces of each stage in, realised minus designed curvature out, stage by stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.bspline import BSplineSurface
+from mirror_cad.differential import (
+    ShapeOperator,
+    mean_curvature_and_difference,
+    normals,
+    principal_curvatures_of,
+    shape_operator,
+    shape_operator_of_sag,
+)
+from mirror_cad.grid import Grid
+from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.outline import Outline
+from mirror_cad.piecewise import PiecewiseChebyshev
+from mirror_cad.sections import DecoupledSag
+
+Array = NDArray[np.float64]
+
+# Where the designed value is smaller than this share of the RMS curvature, percent are of this share instead.
+FLOOR = 0.01
+ARCSEC = np.degrees(1.0) * 3600.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignedCurvature:
+    """The two designed curvatures 1/Rx(x) and 1/Ry(x), 1/mm."""
+
+    horizontal: PiecewiseChebyshev
+    vertical: PiecewiseChebyshev
+
+    def shape(self, x: ArrayLike) -> ShapeOperator:
+        """diag(1/Rx, 1/Ry) at x."""
+        kx = self.horizontal(x)
+        return ShapeOperator(kx, self.vertical(x), np.zeros_like(kx))
+
+    def rms(self, outline: Outline) -> float:
+        """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm."""
+        grid = Grid.over(outline)
+        return _rms_norm(self.shape(grid.x), grid.weights)
+
+    def percent_of(self, x: Array, rms: float) -> Array:
+        """What counts as 100 % at x for k1 and k2, (n, 2): the designed pair, larger first, not below the floor."""
+        return _percent_scale(self.shape(x), rms)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """A surface as one stage leaves it, at the grid: shape operator (1/mm), height (mm) and unit normals."""
+
+    shape: ShapeOperator
+    height: Array | None = None
+    normal: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvatureDeviation:
+    """What `deviation.json` holds, and the fields behind it for maps.
+
+    stages, total : as in the contract.   numerical, part : the verdicts; part is None without a limit.
+    designed, realised : shape operators at the grid.   percent : signed deviation of k1, k2, kx, ky and twist in
+    percent at the grid, or None for a plane.
+    """
+
+    grid: Grid
+    stages: dict[str, dict[str, Any]]
+    total: dict[str, Any]
+    numerical: bool
+    part: bool | None
+    designed: ShapeOperator
+    realised: ShapeOperator
+    percent: dict[str, Array] | None
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's deviation.json."""
+        return {"stages": self.stages, "total": self.total, "verdicts": {"numerical": self.numerical, "part": self.part}}
+
+    def power_maps(self) -> dict[str, Array]:
+        """Km and Ka of eq. 1, designed and realised, 1/m, as rectangles."""
+        maps = {}
+        for name, shape in (("designed", self.designed), ("realised", self.realised)):
+            mean, difference = mean_curvature_and_difference(shape)
+            maps[f"Km {name}"], maps[f"Ka {name}"] = (self.grid.as_map(1e3 * v) for v in (mean, difference))
+        return maps
+
+
+def compare_stages(
+    curvature: DesignedCurvature, outline: Outline, exact: DecoupledSag, integrated: DecoupledSag,
+    fitted: BSplineSurface, read_back: BSplineSurface, stl: SurfaceMesh,
+    position_tolerance_mm: float, curvature_tolerance_percent: float, limit_percent: float | None,
+) -> CurvatureDeviation:
+    """Each stage against the one before: design → model → integration → fit → step; total against the design.
+
+    model: the exact decoupled surface, what no numerics can remove. integration: its profile as integrated.
+    fit: the B-spline. step: that B-spline as read back. stl: the triangles' height and facet normals.
+    The curvature parts add up: at every place the sum of the stages' kx (ky, twist) is the total's.
+    """
+    grid = Grid.over(outline)
+    designed = Stage(curvature.shape(grid.x))
+    stages = {"model": _of_sag(exact, grid), "integration": _of_sag(integrated, grid),
+              "fit": _of_surface(fitted, grid), "step": _of_surface(read_back, grid)}
+    rms = _rms_norm(designed.shape, grid.weights)
+    results: dict[str, dict[str, Any]] = {}
+    before = designed
+    for name, stage in stages.items():
+        results[name] = _deviation(stage, before, designed.shape, rms, grid)
+        before = stage
+    # The decoupled surface is the model: it has no sag or slope of its own to miss.
+    results["model"] |= {"sag_max_mm": 0.0, "slope_max_arcsec": 0.0}
+    final = stages["step"]
+    # Sag and slope have no meaning against curvatures alone: the total's are against the exact model.
+    total = _deviation(final, Stage(designed.shape, stages["model"].height, stages["model"].normal), designed.shape, rms, grid)
+    results["stl"] = stl_deviation(stl, fitted, outline)
+
+    numerical = all(_within(results[name], position_tolerance_mm, curvature_tolerance_percent)
+                    for name in ("integration", "fit", "step"))
+    part = None if limit_percent is None else _within(total, np.inf, limit_percent)
+    return CurvatureDeviation(grid, results, total, numerical, part, designed.shape, final.shape,
+                              _percent_fields(final.shape, designed.shape, designed.shape, rms))
+
+
+def _of_sag(sag: DecoupledSag, grid: Grid) -> Stage:
+    d = sag.derivatives(grid.x, grid.y)
+    normal = np.stack([-d.zx, -d.zy, np.ones_like(d.z)], axis=-1)
+    return Stage(shape_operator_of_sag(d), d.z, normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+def _of_surface(surface: BSplineSurface, grid: Grid) -> Stage:
+    d = surface.derivatives(grid.x, grid.y)
+    return Stage(shape_operator(d), d["s"][..., 2], normals(d["u"], d["v"]))
+
+
+def _rms_norm(shape: ShapeOperator, weights: Array) -> float:
+    square = shape.w11**2 + shape.w22**2 + 2.0 * shape.w12**2
+    return float(np.sqrt(np.average(square, weights=weights)))
+
+
+def _percent_scale(designed: ShapeOperator, rms: float) -> Array:
+    pair = np.stack(principal_curvatures_of(designed), axis=-1)
+    return np.maximum(np.abs(pair), FLOOR * rms)
+
+
+def _differences(after: ShapeOperator, before: ShapeOperator) -> dict[str, Array]:
+    a, b = principal_curvatures_of(after), principal_curvatures_of(before)
+    return {"k1": a[0] - b[0], "k2": a[1] - b[1], "kx": after.w11 - before.w11, "ky": after.w22 - before.w22,
+            "twist": after.w12 - before.w12}
+
+
+def _percent_fields(after: ShapeOperator, before: ShapeOperator, designed: ShapeOperator, rms: float) -> dict[str, Array] | None:
+    if rms == 0.0:
+        return None
+    pair = _percent_scale(designed, rms)
+    floor = FLOOR * rms
+    scale = {"k1": pair[..., 0], "k2": pair[..., 1], "kx": np.maximum(np.abs(designed.w11), floor),
+             "ky": np.maximum(np.abs(designed.w22), floor), "twist": np.full_like(designed.w11, rms)}
+    return {key: 100.0 * value / scale[key] for key, value in _differences(after, before).items()}
+
+
+def _deviation(after: Stage, before: Stage, designed: ShapeOperator, rms: float, grid: Grid) -> dict[str, Any]:
+    """One stage's entry of deviation.json."""
+    percent = _percent_fields(after.shape, before.shape, designed, rms)
+    result: dict[str, Any] = {}
+    for key, value in _differences(after.shape, before.shape).items():
+        ranked = value if percent is None else percent[key]
+        worst = int(np.argmax(np.abs(ranked)))
+        result[f"{key}_max_percent"] = None if percent is None else float(ranked[worst])
+        result[f"{key}_rms_percent"] = None if percent is None else float(
+            np.sqrt(np.average(ranked**2, weights=grid.weights)))
+        result[f"{key}_max_per_m"] = 1e3 * float(value[np.argmax(np.abs(value))])
+        result[f"{key}_max_at_mm"] = [float(grid.x[worst]), float(grid.y[worst])]
+    difference = ShapeOperator(*(a - b for a, b in zip(after.shape, before.shape, strict=True)))
+    result["shape_rms_percent"] = None if rms == 0.0 else 100.0 * _rms_norm(difference, grid.weights) / rms
+    if before.height is not None and after.height is not None:
+        sag = after.height - before.height
+        result["sag_max_mm"] = float(sag[np.argmax(np.abs(sag))])
+        # |n − m| = 2·sin(angle/2): arccos of n·m would lose the small angles that matter here.
+        chord = np.linalg.norm(np.asarray(after.normal) - np.asarray(before.normal), axis=-1)
+        result["slope_max_arcsec"] = float(2.0 * np.arcsin(0.5 * chord.max()) * ARCSEC)
+    return result
+
+
+def _within(entry: dict[str, Any], position_mm: float, percent: float) -> bool:
+    if abs(entry.get("sag_max_mm", 0.0)) > position_mm:
+        return False
+    return all(entry[key] is None or abs(entry[key]) <= percent for key in ("k1_max_percent", "k2_max_percent"))
+
+
+def stl_deviation(mesh: SurfaceMesh, surface: BSplineSurface, outline: Outline) -> dict[str, Any]:
+    """Largest distance of the optical facets from the surface (mm) and angle of their normals to its normal (degrees).
+
+    Optical facets are those whose three corners lie on the surface to STL's own float32 and the edge tolerance;
+    their middles and edge middles are compared, where a facet strays most.
+    """
+    corners = mesh.vertices[mesh.faces]
+    x_min, x_max, y_min, y_max = outline.bounding_box()
+    u = np.clip(mesh.vertices[:, 0], x_min, x_max)
+    v = np.clip(mesh.vertices[:, 1], y_min, y_max)
+    size = float(np.abs(mesh.vertices).max())
+    off = np.linalg.norm(surface.evaluate(u, v) - mesh.vertices, axis=1)
+    on_surface = off <= 1e-5 + 4.0 * size * float(np.finfo(np.float32).eps)
+    # A sliver of the rim can have all corners on the edge: the optical side is the one that looks at the driver.
+    optical = on_surface[mesh.faces].all(axis=1) & (mesh.facet_normals()[:, 2] > 0.1)
+    facets = corners[optical]
+    if len(facets) == 0:
+        return {"height_max_mm": None, "normal_max_deg": None, "facets": 0}
+    middle = facets.mean(axis=1)
+    places = np.concatenate([middle, *(0.5 * (facets[:, a] + facets[:, b]) for a, b in ((0, 1), (1, 2), (2, 0)))])
+    d = surface.derivatives(np.clip(places[:, 0], x_min, x_max), np.clip(places[:, 1], y_min, y_max))
+    normal = normals(d["u"], d["v"])
+    height = (places - d["s"])[:, 2] * normal[:, 2]  # vertical miss times cos of the slope: the distance to first order
+    at_middle = normal[: len(facets)]
+    chord = np.linalg.norm(mesh.facet_normals()[optical] - at_middle, axis=1)
+    return {"height_max_mm": float(np.abs(height).max()),
+            "normal_max_deg": float(np.degrees(2.0 * np.arcsin(0.5 * np.minimum(chord.max(), 2.0)))),
+            "facets": int(optical.sum())}

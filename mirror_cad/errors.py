@@ -1,0 +1,33 @@
+"""What can go wrong, as exceptions whose messages name what, where, the numbers and what to do."""
+
+
+class MirrorError(Exception):
+    """Base of every error that a user can mend: the command line shows its message alone and exits with 2."""
+
+
+class SpecError(MirrorError):
+    """A specification that cannot be read or built: `faults` lists every fault found, one sentence each."""
+
+    def __init__(self, faults: list[str] | str) -> None:
+        self.faults = [faults] if isinstance(faults, str) else list(faults)
+        super().__init__("\n".join(self.faults))
+
+
+class ProfileError(MirrorError):
+    """A curvature law that no profile or section can have: it turns vertical, or its circle is too small."""
+
+
+class SurfaceError(MirrorError):
+    """A point set or surface that cannot be fitted or evaluated."""
+
+
+class OutlineError(MirrorError):
+    """An outline that is not one closed simple loop inside its blank, or a file that does not hold one."""
+
+
+class SolidError(MirrorError):
+    """A plate that cannot be made from its surface, outline and thickness."""
+
+
+class FileError(MirrorError):
+    """A file that cannot be read, written, or that reads back different from what was written."""

@@ -1,0 +1,61 @@
+"""An outline in, the places at which the mirror inside it is looked at out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.outline import Outline
+
+Array = NDArray[np.float64]
+
+# Cells of the evaluation grid: odd numbers, so that their centres meet no knot of a regular subdivision.
+GRID = (211, 311)
+# Places on the outline, shared out over its segments by length: a largest value on the edge is not missed by half a
+# cell, and the ends of the segments, where it often is, are among them.
+EDGE_PLACES = 2000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Where the trimmed mirror is looked at: cell centres inside the outline, then places on its edge.
+
+    x, y : (n,).   weights : (n,) 1 inside, 0 on the edge (which counts for largest values only).
+    cells_x, cells_y, inside : the grid as a rectangle, for maps.
+    """
+
+    x: Array
+    y: Array
+    weights: Array
+    cells_x: Array
+    cells_y: Array
+    inside: NDArray[np.bool_]
+
+    @staticmethod
+    def over(outline: Outline) -> Grid:
+        x_min, x_max, y_min, y_max = outline.bounding_box()
+        nx, ny = GRID
+        cells_x = x_min + (x_max - x_min) * (np.arange(nx) + 0.5) / nx
+        cells_y = y_min + (y_max - y_min) * (np.arange(ny) + 0.5) / ny
+        x, y = np.meshgrid(cells_x, cells_y, indexing="ij")
+        inside = outline.contains(x, y)
+        edge = _edge_places(outline)
+        weights = np.concatenate([np.ones(int(inside.sum())), np.zeros(len(edge))])
+        return Grid(np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]), weights,
+                    cells_x, cells_y, inside)
+
+    def as_map(self, values: Array) -> Array:
+        """Values at (x, y) as a rectangle (cells_x, cells_y), NaN outside the outline."""
+        rectangle = np.full(self.inside.shape, np.nan)
+        rectangle[self.inside] = values[: int(self.weights.sum())]
+        return rectangle
+
+
+def _edge_places(outline: Outline) -> Array:
+    chords = [segment.point(np.linspace(0.0, 1.0, 17)) for segment in outline.segments]
+    lengths = np.array([np.linalg.norm(np.diff(chord, axis=0), axis=1).sum() for chord in chords])
+    counts = np.ceil(EDGE_PLACES * lengths / lengths.sum()).astype(int) + 1
+    parts = [segment.point(np.linspace(0.0, 1.0, n)) for segment, n in zip(outline.segments, counts, strict=True)]
+    return np.concatenate(parts)

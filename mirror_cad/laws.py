@@ -1,0 +1,75 @@
+"""The spec's two laws in, curvature laws over x out, with the one shape parameter solved that `match` leaves open."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mirror_cad import curvature
+from mirror_cad.curvature import CurvatureLaw, Span
+from mirror_cad.errors import SpecError
+from mirror_cad.profile import circle_section_fov, integrate_exactly, section_fov, sine_of_tangent_angle
+from mirror_cad.spec import ConstantLaw, ExpressionLaw, LinearLaw, MirrorSpec, PowerLaw, Section, TableLaw, ZonesLaw
+
+# The parameter is solved until the field of view is right to about 1e-10 degrees, far below any tolerance on it.
+MATCH_PRECISION = 1e-12
+
+
+def law_from(section: Section, span: Span, parameter: float | None = None) -> CurvatureLaw:
+    """The curvature law of [horizontal] or [vertical]; `parameter` stands in for a "match"."""
+    match section:
+        case ConstantLaw():
+            return curvature.constant(section.radius_mm)
+        case LinearLaw():
+            return curvature.linear(section.right_mm, section.left_mm, span)
+        case PowerLaw():
+            exponent = section.exponent if parameter is None else parameter
+            return curvature.power(section.right_mm, section.left_mm, exponent, span)
+        case ZonesLaw():
+            start = section.blend_from if parameter is None else parameter
+            return curvature.zones(section.right_mm, section.left_mm, start, section.blend_to, section.blend, span)
+        case TableLaw():
+            return curvature.table(section.x_mm, section.curvature)
+        case ExpressionLaw():
+            formula, of = section.formula
+            return curvature.expression(formula, span, of)
+    raise AssertionError(f"unknown law {section!r}")
+
+
+def solve_match(spec: MirrorSpec, span: Span, x_min: float, x_max: float, level_mm: float) -> tuple[str, float] | None:
+    """The key that is "match" in [horizontal] and the value that gives the asked section H-FOV; None without one.
+
+    Raises: SpecError with the range that can be reached where the asked value lies outside it.
+    """
+    section = spec.horizontal
+    match = getattr(section, "match", None)
+    if match is None:
+        return None
+    half, distance = 0.5 * (x_max - x_min), spec.eye.distance_mm
+    if match.sphere_mm is not None:
+        if match.sphere_mm <= half:
+            raise SpecError(f"horizontal.match.sphere_mm = {match.sphere_mm:g}: a sphere wider than the mirror has a "
+                            f"radius above its half-width, {half:g} mm")
+        wanted = circle_section_fov(1.0 / match.sphere_mm, half, distance)
+    else:
+        wanted = np.radians(match.h_fov_deg)
+    key = "exponent" if isinstance(section, PowerLaw) else "blend_from"
+    highest = 50.0 if key == "exponent" else section.blend_to - 1e-3
+    values = np.geomspace(0.02, highest, 17) if key == "exponent" else np.linspace(0.0, highest, 17)
+
+    def miss(value: float) -> float:
+        law = law_from(section, span, value)
+        kappa = law.series(x_min, x_max)
+        sine = sine_of_tangent_angle(kappa, level_mm)
+        if np.abs(sine(np.linspace(x_min, x_max, 201))).max() >= 1.0:
+            return np.nan  # no such profile: it turns vertical
+        return section_fov(integrate_exactly(sine, kappa), x_min, x_max, distance) - wanted
+
+    misses = np.array([miss(value) for value in values])
+    for i in range(len(values) - 1):
+        if misses[i] * misses[i + 1] <= 0:
+            return key, float(brentq(miss, values[i], values[i + 1], xtol=MATCH_PRECISION, rtol=1e-14))
+    reached = np.degrees(misses[np.isfinite(misses)] + wanted)
+    between = f"{reached.min():.2f}° to {reached.max():.2f}°" if reached.size else "no field of view at all"
+    raise SpecError(f"horizontal.match: no {key} gives a section H-FOV of {np.degrees(wanted):.2f}°; this law with "
+                    f"right_mm = {section.right_mm:g} and left_mm = {section.left_mm:g} reaches {between}")

@@ -1,0 +1,240 @@
+"""A specification in, a Mirror out: its surface, outline, files and deviation. The only module that knows the order."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad import fit as fitting
+from mirror_cad.bspline import BSplineSurface
+from mirror_cad.curvature import Span, eased_beyond
+from mirror_cad.deviation import CurvatureDeviation, DesignedCurvature, compare_stages
+from mirror_cad.errors import OutlineError, SpecError
+from mirror_cad.fit import Fit, FitTask
+from mirror_cad.laws import law_from, solve_match
+from mirror_cad.outline import Outline, truck_outline
+from mirror_cad.profile import (
+    check_profile,
+    circle_section_fov,
+    existing_interval,
+    integrate_exactly,
+    march,
+    section_fov,
+    sine_of_tangent_angle,
+)
+from mirror_cad.sections import DecoupledSag, check_circles, existing_half_height
+from mirror_cad.spec import MirrorSpec
+
+if TYPE_CHECKING:
+    from mirror_cad.mesh import SurfaceMesh
+    from mirror_cad.occt.solid import Plate
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """A designed mirror. Frame: mm, x right, y up, z towards the driver; origin at the centre of the surface.
+
+    surface : u = x, v = y.   outline : closed curve in (x, y).   box : the outline's (x_min, x_max, y_min, y_max).
+    curvature : the design.   exact, integrated : the sag by exact quadrature, and by the method the spec names.
+    fit : how the surface was fitted and what it reached.   matched : the key and value that `match` was solved for.
+    notes : what a user should know and no error says.
+    """
+
+    spec: MirrorSpec
+    surface: BSplineSurface
+    outline: Outline
+    box: Box
+    curvature: DesignedCurvature
+    exact: DecoupledSag
+    integrated: DecoupledSag
+    fit: Fit
+    matched: tuple[str, float] | None
+    notes: tuple[str, ...]
+
+    @cached_property
+    def plate(self) -> Plate:
+        """The solid with its optical face, area and volume. Raises: SolidError."""
+        from mirror_cad.occt.solid import plate
+
+        return plate(self.surface, self.outline, self.spec.glass.thickness_mm)
+
+    @property
+    def left_height_mm(self) -> float:
+        """The height at the left edge before the corners are rounded; of an outline file its bounding box's."""
+        given = self.spec.outline
+        return given.left_height_mm if given.file is None else self.box[3] - self.box[2]
+
+    def section_fields_of_view(self) -> tuple[float, float]:
+        """Section H-FOV, and section V-FOV at the left edge, radians, as table 1 of Lee et al. (2014) defines them."""
+        distance = self.spec.eye.distance_mm
+        kappa = float(self.curvature.vertical(self.box[0]))
+        return (section_fov(self.exact.profile, self.box[0], self.box[1], distance),
+                circle_section_fov(kappa, 0.5 * self.left_height_mm, distance))
+
+    def export_step(self, path: str | Path) -> None:
+        """Write the plate as AP242 STEP, the optical face named and coloured. Raises: FileError, SolidError."""
+        from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
+
+        name = self.spec.name
+        write_step(Path(path), [Part(self.plate.solid, name, GLASS_COLOUR, self.plate.optical)], name)
+
+    def export_surface_step(self, path: str | Path) -> None:
+        """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire."""
+        from mirror_cad.occt.solid import outer_wire, sheet
+        from mirror_cad.occt.step import OPTICAL_COLOUR, TRIM_CURVE, Part, write_step
+
+        name = f"{self.spec.name}-surface"
+        shell, face = sheet(self.surface, self.sheet_box())
+        parts = [Part(shell, name, OPTICAL_COLOUR, face),
+                 Part(outer_wire(self.plate.optical), TRIM_CURVE, (0.9, 0.2, 0.2))]
+        write_step(Path(path), parts, name)
+
+    def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
+        """Write the plate as binary STL, no facet farther than the absolute deflection from it."""
+        from mirror_cad.occt.tessellate import write_stl
+
+        write_stl(Path(path), self.plate.solid, deflection_mm or self.spec.export.stl_deflection_mm)
+
+    def sheet_box(self) -> Box:
+        """The outline's box with the margin of [export] on every side, as far as the surface exists."""
+        margin = self.spec.export.surface_margin_mm
+        domain = self.surface.domain
+        return (max(self.box[0] - margin, domain[0]), min(self.box[1] + margin, domain[1]),
+                max(self.box[2] - margin, domain[2]), min(self.box[3] + margin, domain[3]))
+
+    def grid_points(self, pitch_mm: float = 5.0) -> Array:
+        """x, y, z, nx, ny, nz on a regular grid inside the outline, (n, 6); the grid holds the origin."""
+        from mirror_cad.differential import normals
+
+        x_min, x_max, y_min, y_max = self.box
+        x, y = np.meshgrid(pitch_mm * np.arange(np.ceil(x_min / pitch_mm), x_max / pitch_mm + 1e-9),
+                           pitch_mm * np.arange(np.ceil(y_min / pitch_mm), y_max / pitch_mm + 1e-9))
+        inside = self.outline.contains(x, y)
+        d = self.surface.derivatives(x[inside], y[inside])
+        return np.hstack([d["s"], normals(d["u"], d["v"])])
+
+    def deviation(self, read_back: BSplineSurface | None = None, stl: SurfaceMesh | None = None) -> CurvatureDeviation:
+        """Realised against designed curvature, stage by stage, on the optical face as read back from STEP (and STL).
+
+        Without files given, they are written to a temporary folder and read back here.
+        """
+        if read_back is None or stl is None:
+            from mirror_cad.occt.step import OPTICAL_FACE, read_step_faces
+            from mirror_cad.occt.tessellate import read_stl
+
+            with tempfile.TemporaryDirectory(prefix="mirror-cad-") as folder:
+                self.export_step(Path(folder) / "mirror.step")
+                self.export_stl(Path(folder) / "mirror.stl")
+                faces = read_step_faces(Path(folder) / "mirror.step")
+                read_back = next(face.surface for face in faces if face.name == OPTICAL_FACE)
+                stl = read_stl(Path(folder) / "mirror.stl")
+        return compare_stages(self.curvature, self.outline, self.exact, self.integrated, self.surface, read_back, stl,
+                              self.spec.surface.position_tolerance_mm, self.spec.surface.curvature_tolerance_percent,
+                              self.spec.limits.curvature_percent)
+
+    def to_build123d(self) -> Any:
+        """The plate as a build123d Part (mm)."""
+        import build123d
+
+        return build123d.Part([build123d.Solid(self.plate.solid)], label=self.spec.name)
+
+    def to_cadquery(self) -> Any:
+        """The same plate as a cadquery Workplane (mm)."""
+        import cadquery
+
+        return cadquery.Workplane(obj=cadquery.Solid(self.plate.solid))
+
+
+def design(spec: MirrorSpec) -> Mirror:
+    """Curvature laws → profile → sag → B-spline surface, with the outline it will be cut to.
+
+    Raises: SpecError, ProfileError, OutlineError or SurfaceError for a mirror that cannot be.
+    """
+    outline = _outline(spec)
+    box = outline.bounding_box()
+    x_min, x_max, y_min, y_max = box
+    level_mm = _level(spec, box)
+    span = Span(*(spec.horizontal.span_mm or (x_min, x_max)))
+    matched = solve_match(spec, span, x_min, x_max, level_mm)
+    horizontal = law_from(spec.horizontal, span, matched[1] if matched else None)
+    vertical = law_from(spec.vertical, span)
+    half_height = max(abs(y_min), abs(y_max))
+    check_profile(sine_of_tangent_angle(horizontal.series(min(x_min, level_mm), max(x_max, level_mm)), level_mm),
+                  level_mm, x_min, x_max)
+    vertical = eased_beyond(vertical, x_min, x_max)
+    wanted, notes = _wanted_domain(spec, box), []
+    check_circles(vertical.series(wanted[0], wanted[1]), x_min, x_max, half_height)
+
+    kappa = horizontal.series(wanted[0], wanted[1])
+    x_low, x_high = existing_interval(sine_of_tangent_angle(kappa, level_mm), level_mm, wanted[0], wanted[1])
+    x_low, x_high = min(x_low, x_min), max(x_high, x_max)
+    kappa, kappa_2 = horizontal.series(x_low, x_high), vertical.series(x_low, x_high)
+    half = max(half_height, existing_half_height(kappa_2, x_low, x_high, max(-wanted[2], wanted[3])))
+    domain = (x_low, x_high, max(wanted[2], -half), min(wanted[3], half))
+    if domain != wanted:
+        notes.append(f"the surface reaches x {domain[0]:.1f} to {domain[1]:.1f}, y {domain[2]:.1f} to {domain[3]:.1f} mm, "
+                     f"less than blank and margin ask for: beyond, it would be steeper than 80°")
+    exact_profile = integrate_exactly(sine_of_tangent_angle(kappa, level_mm), kappa)
+    surface_spec = spec.surface
+    profile = exact_profile
+    if surface_spec.integration != "quadrature":
+        profile = march(kappa, exact_profile, surface_spec.integration, surface_spec.step_mm or 1.0)
+    exact, integrated = DecoupledSag(exact_profile, kappa_2), DecoupledSag(profile, kappa_2)
+    designed = DesignedCurvature(kappa, kappa_2)
+    rms = designed.rms(outline)
+    task = FitTask(integrated, domain, box, fitting.sheet_breaks(horizontal.all_breaks(kappa), vertical.all_breaks(kappa_2)),
+                   lambda x: designed.percent_of(x, rms), surface_spec.position_tolerance_mm,
+                   surface_spec.curvature_tolerance_percent)
+    if surface_spec.fit == "collocation":
+        fit = fitting.fit_by_collocation(task, surface_spec.degree, surface_spec.spans)
+    else:
+        from mirror_cad.occt.fit import fit_by_kernel
+
+        fit = fit_by_kernel(task, surface_spec.fit)
+    return Mirror(spec, fit.surface, outline, box, designed, exact, integrated, fit, matched, tuple(notes))
+
+
+def _outline(spec: MirrorSpec) -> Outline:
+    given, blank = spec.outline, spec.blank
+    if given.file is None:
+        return truck_outline(given.width_mm, given.left_height_mm, given.right_height_mm, given.corner_radius_mm)
+    from mirror_cad.outline_files import read_outline
+
+    outline = read_outline(Path(given.file))
+    x_min, x_max, y_min, y_max = outline.bounding_box()
+    if x_min < -blank.width_mm / 2 or x_max > blank.width_mm / 2 or y_min < -blank.height_mm / 2 or y_max > blank.height_mm / 2:
+        raise OutlineError(f"{given.file}: the outline reaches x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, "
+                           f"beyond the blank of {blank.width_mm:g} × {blank.height_mm:g} mm about the origin: move it, "
+                           "check its unit, or enlarge [blank]")
+    if not (x_min < 0 < x_max and y_min < 0 < y_max):
+        raise OutlineError(f"{given.file}: the outline, x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, does not "
+                           "hold the origin, which is the centre of the mirror: an outline file is in mirror coordinates")
+    return outline
+
+
+def _level(spec: MirrorSpec, box: Box) -> float:
+    level = spec.horizontal.level_at
+    if level == "centre":
+        return 0.5 * (box[0] + box[1])
+    if level in ("left", "right"):
+        return box[0] if level == "left" else box[1]
+    half_blank = spec.blank.width_mm / 2
+    if not -half_blank <= float(level) <= half_blank:
+        raise SpecError(f"horizontal.level_at = {float(level):g} lies outside the blank, −{half_blank:g} to {half_blank:g} mm")
+    return float(level)
+
+
+def _wanted_domain(spec: MirrorSpec, box: Box) -> Box:
+    """Blank and outline with its margin, whichever reaches farther."""
+    margin, blank = spec.export.surface_margin_mm, spec.blank
+    return (min(-blank.width_mm / 2, box[0] - margin), max(blank.width_mm / 2, box[1] + margin),
+            min(-blank.height_mm / 2, box[2] - margin), max(blank.height_mm / 2, box[3] + margin))

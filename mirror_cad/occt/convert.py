@@ -1,0 +1,127 @@
+"""Our B-spline records and outline segments in, OCCT geometry out, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
+from OCP.Geom import Geom_BSplineSurface
+from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle, Geom2d_Curve, Geom2d_Line, Geom2d_TrimmedCurve
+from OCP.gp import gp_Ax22d, gp_Dir2d, gp_Pnt, gp_Pnt2d
+from OCP.TColgp import TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
+from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
+from OCP.TopAbs import TopAbs_REVERSED
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Face
+
+from mirror_cad.bspline import BSplineSurface
+from mirror_cad.errors import SurfaceError
+from mirror_cad.outline import Arc, Line, Spline
+
+Array = NDArray[np.float64]
+
+
+def to_geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
+    """The same surface as a kernel object: same degree, knots, poles and weights."""
+    nu, nv = surface.poles.shape[:2]
+    poles = TColgp_Array2OfPnt(1, nu, 1, nv)
+    for i in range(nu):
+        for j in range(nv):
+            x, y, z = surface.poles[i, j]
+            poles.SetValue(i + 1, j + 1, gp_Pnt(float(x), float(y), float(z)))
+    knots_u, times_u = _knots_and_multiplicities(surface.knots_u)
+    knots_v, times_v = _knots_and_multiplicities(surface.knots_v)
+    if surface.weights is None:
+        return Geom_BSplineSurface(poles, knots_u, knots_v, times_u, times_v, surface.degree_u, surface.degree_v)
+    weights = TColStd_Array2OfReal(1, nu, 1, nv)
+    for i in range(nu):
+        for j in range(nv):
+            weights.SetValue(i + 1, j + 1, float(surface.weights[i, j]))
+    return Geom_BSplineSurface(poles, weights, knots_u, knots_v, times_u, times_v, surface.degree_u, surface.degree_v)
+
+
+def from_geom_surface(geom: Geom_BSplineSurface) -> BSplineSurface:
+    """A kernel B-spline surface as our record; a periodic one is cut open first."""
+    if geom.IsUPeriodic() or geom.IsVPeriodic():
+        geom = Geom_BSplineSurface.DownCast(geom.Copy()) if hasattr(Geom_BSplineSurface, "DownCast") else geom.Copy()
+        if geom.IsUPeriodic():
+            geom.SetUNotPeriodic()
+        if geom.IsVPeriodic():
+            geom.SetVNotPeriodic()
+    nu, nv = geom.NbUPoles(), geom.NbVPoles()
+    poles = np.empty((nu, nv, 3))
+    weights = np.empty((nu, nv)) if geom.IsURational() or geom.IsVRational() else None
+    for i in range(nu):
+        for j in range(nv):
+            pole = geom.Pole(i + 1, j + 1)
+            poles[i, j] = pole.X(), pole.Y(), pole.Z()
+            if weights is not None:
+                weights[i, j] = geom.Weight(i + 1, j + 1)
+    return BSplineSurface(
+        geom.UDegree(), geom.VDegree(),
+        np.repeat([geom.UKnot(i + 1) for i in range(geom.NbUKnots())],
+                  [geom.UMultiplicity(i + 1) for i in range(geom.NbUKnots())]),
+        np.repeat([geom.VKnot(i + 1) for i in range(geom.NbVKnots())],
+                  [geom.VMultiplicity(i + 1) for i in range(geom.NbVKnots())]),
+        poles, weights)
+
+
+def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
+    """The surface under a face in world coordinates, as a B-spline, and the face that lies on exactly that surface.
+
+    Planes, cylinders, spheres and the like become rational B-splines that are the same surface. Where the face is
+    reversed the record is turned, so that S_u × S_v points out of the material.
+    Raises: SurfaceError where the kernel cannot convert the surface.
+    """
+    converter = BRepBuilderAPI_NurbsConvert(face, True)
+    converted = TopoDS.Face_s(converter.Shape())
+    adaptor = BRepAdaptor_Surface(converted, False)
+    try:
+        geom = adaptor.BSpline()
+    except Exception as error:
+        raise SurfaceError(f"a face's surface cannot be turned into a B-spline: {error}") from None
+    location: TopLoc_Location = converted.Location()
+    if not location.IsIdentity():
+        geom = geom.Transformed(location.Transformation())
+    return from_geom_surface(geom), converted
+
+
+def is_reversed(face: TopoDS_Face) -> bool:
+    """Whether the face's outer side is opposite to its surface's normal."""
+    return bool(face.Orientation() == TopAbs_REVERSED)
+
+
+def to_pcurve(segment: Line | Arc | Spline) -> Geom2d_Curve:
+    """An outline segment as a curve in the parameter plane (u, v) = (x, y), bounded."""
+    if isinstance(segment, Line):
+        (x0, y0), (x1, y1) = np.asarray(segment.start, float), np.asarray(segment.end, float)
+        length = float(np.hypot(x1 - x0, y1 - y0))
+        line = Geom2d_Line(gp_Pnt2d(float(x0), float(y0)), gp_Dir2d(float(x1 - x0), float(y1 - y0)))
+        return Geom2d_TrimmedCurve(line, 0.0, length)
+    if isinstance(segment, Arc):
+        # A clockwise arc runs on a circle whose own sense is clockwise, so that its parameter rises along it.
+        turn = 1.0 if segment.sweep > 0 else -1.0
+        axes = gp_Ax22d(gp_Pnt2d(float(segment.centre[0]), float(segment.centre[1])),
+                        gp_Dir2d(float(np.cos(segment.start_angle)), float(np.sin(segment.start_angle))),
+                        gp_Dir2d(float(-turn * np.sin(segment.start_angle)), float(turn * np.cos(segment.start_angle))))
+        return Geom2d_TrimmedCurve(Geom2d_Circle(axes, float(segment.radius_mm)), 0.0, float(abs(segment.sweep)))
+    knots, times = _knots_and_multiplicities(np.asarray(segment.knots, float))
+    poles = TColgp_Array1OfPnt2d(1, len(segment.poles))
+    for i, (x, y) in enumerate(segment.poles, start=1):
+        poles.SetValue(i, gp_Pnt2d(float(x), float(y)))
+    if segment.weights is None:
+        return Geom2d_BSplineCurve(poles, knots, times, segment.degree)
+    weights = TColStd_Array1OfReal(1, len(segment.poles))
+    for i, w in enumerate(segment.weights, start=1):
+        weights.SetValue(i, float(w))
+    return Geom2d_BSplineCurve(poles, weights, knots, times, segment.degree)
+
+
+def _knots_and_multiplicities(flat: Array) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
+    values, counts = np.unique(flat, return_counts=True)
+    knots, times = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
+    for i, (value, count) in enumerate(zip(values, counts, strict=True), start=1):
+        knots.SetValue(i, float(value))
+        times.SetValue(i, int(count))
+    return knots, times

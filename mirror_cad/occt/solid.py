@@ -1,0 +1,271 @@
+"""Surface, outline and thickness in, the trimmed optical face and the plate behind it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeWire, BRepBuilderAPI_Sewing
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepFill import BRepFill
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepLib import BRepLib
+from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
+from OCP.Geom import Geom_BSplineSurface
+from OCP.Geom2d import Geom2d_Curve, Geom2d_TrimmedCurve
+from OCP.GeomAbs import GeomAbs_C1
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
+
+from mirror_cad.bspline import BSplineSurface
+from mirror_cad.differential import normals, principal_curvatures_of, shape_operator
+from mirror_cad.errors import SolidError
+from mirror_cad.fit import collocate
+from mirror_cad.grid import Grid
+from mirror_cad.occt.convert import to_geom_surface, to_pcurve
+from mirror_cad.outline import Outline
+
+Array = NDArray[np.float64]
+
+# The 3D edges follow surface(pcurve) this closely: a hundredth of the position tolerance of a fit.
+EDGE_TOLERANCE_MM = 1e-7
+# Faces closer than this are sewn: the edges' own error, with room for the ends of two of them.
+SEWING_TOLERANCE_MM = 1e-6
+# The back is a B-spline within this of the true offset.
+BACK_TOLERANCE_MM = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A mirror as a solid: the optical face, the whole, and what the kernel says of it.
+
+    area_mm2 : of the optical face.   volume_mm3 : of the plate.   back_error_mm : back against the true offset.
+    """
+
+    solid: TopoDS_Solid
+    optical: TopoDS_Face
+    area_mm2: float
+    volume_mm3: float
+    back_error_mm: float
+
+
+def trimmed_face(surface: BSplineSurface, outline: Outline) -> TopoDS_Face:
+    """The part of a surface with u = x, v = y that lies inside the outline.
+
+    The outline is used as trimming curves in (u, v), so it is met exactly; the edges in space follow to
+    EDGE_TOLERANCE_MM. Raises: SolidError where the kernel finds the face invalid.
+    """
+    return _face(to_geom_surface(surface), _pcurves(outline))
+
+
+def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> Plate:
+    """The solid between the optical face and its offset by −t·N, with ruled sides along the normals.
+
+    Front, back and sides are plain B-splines. Back: S − t·N collocated on the front's own knots, so the front's
+    trimming curves serve for both. Raises: SolidError where t reaches the smallest convex radius, where the back
+    misses the true offset by more than BACK_TOLERANCE_MM, or where the kernel finds no single valid solid.
+    """
+    check_thickness(surface, outline, thickness_mm)
+    back_surface, back_error = offset_surface(surface, outline, thickness_mm)
+    pcurves = _pcurves(outline)
+    front = _face(to_geom_surface(surface), pcurves)
+    back = _face(to_geom_surface(back_surface), pcurves)
+    sewing = BRepBuilderAPI_Sewing(SEWING_TOLERANCE_MM)
+    sewing.Add(front)
+    sewing.Add(back.Reversed())
+    for edge, other in zip(_edges(front), _edges(back), strict=True):
+        sewing.Add(BRepFill.Face_s(edge, other))
+    sewing.Perform()
+    shell = _only(sewing.SewedShape(), TopAbs_SHELL, "shell")
+    builder = BRep_Builder()
+    solid = TopoDS_Solid()
+    builder.MakeSolid(solid)
+    builder.Add(solid, shell)
+    BRepLib.OrientClosedSolid_s(solid)
+    optical = face_on(solid, to_geom_surface(surface), sewing.Modified(front) if sewing.IsModified(front) else front)
+    if sewing.NbFreeEdges() or not BRepCheck_Analyzer(solid).IsValid():
+        raise SolidError(f"the plate of {thickness_mm:g} mm is no valid solid ({sewing.NbFreeEdges()} open edges): look "
+                         "for an outline with pieces shorter than a micrometre or corners sharper than the glass is thick")
+    return Plate(solid, optical, area(optical), volume(solid), back_error)
+
+
+def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:
+    """The untrimmed surface between (u_min, u_max, v_min, v_max), on one B-spline cut exactly there.
+
+    Returns: an open shell and the face in it: a face alone could not carry a name into a STEP file.
+    """
+    geom = to_geom_surface(surface)
+    u_min, u_max, v_min, v_max = box
+    if box != surface.domain:
+        geom.Segment(u_min, u_max, v_min, v_max, 0.0, 0.0)
+    face = BRepBuilderAPI_MakeFace(geom, EDGE_TOLERANCE_MM).Face()
+    shell, builder = TopoDS_Shell(), BRep_Builder()
+    builder.MakeShell(shell)
+    builder.Add(shell, face)
+    return shell, face
+
+
+def check_thickness(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> None:
+    """Raise SolidError where the offset would fold: t·κ ≥ 1 for a convex principal curvature."""
+    grid = Grid.over(outline)
+    x, y = grid.x, grid.y
+    w = shape_operator(surface.derivatives(x, y))
+    largest, _ = principal_curvatures_of(w)
+    worst = int(np.argmax(largest))
+    if thickness_mm * largest[worst] >= 1.0:
+        raise SolidError(f"glass.thickness_mm = {thickness_mm:g} is not below the smallest convex radius, "
+                         f"{1.0 / largest[worst]:.2f} mm at ({x[worst]:.1f}, {y[worst]:.1f}) mm: the back would fold")
+
+
+def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> tuple[BSplineSurface, float]:
+    """S − t·N as a B-spline on the same parameters, and its largest distance from the true offset, mm."""
+
+    def offset(u: Array, v: Array) -> Array:
+        d = surface.on_grid(u, v)
+        result: Array = d["s"] - thickness_mm * normals(d["u"], d["v"])
+        return result
+
+    degree = max(surface.degree_u, surface.degree_v)
+    grid = Grid.over(outline)
+    x, y = grid.x, grid.y
+    d = surface.derivatives(x, y)
+    wanted = d["s"] - thickness_mm * normals(d["u"], d["v"])
+    knots_u, knots_v = _knots_for_normals(surface.knots_u, degree), _knots_for_normals(surface.knots_v, degree)
+    for _ in range(4):
+        back = collocate(offset, knots_u, knots_v, degree)
+        error = float(np.linalg.norm(back.evaluate(x, y) - wanted, axis=1).max())
+        if error <= BACK_TOLERANCE_MM:
+            return back, error
+        knots_u, knots_v = _with_middles(knots_u), _with_middles(knots_v)
+    raise SolidError(f"the back of the plate stays {error:.2g} mm from the true offset (at most {BACK_TOLERANCE_MM:g} mm "
+                     "is allowed): the surface bends too sharply for this glass.thickness_mm")
+
+
+def _knots_for_normals(knots: Array, degree: int) -> Array:
+    """The knots with one repetition more where the surface is not smooth: its normal has one derivative less."""
+    values, counts = np.unique(knots, return_counts=True)
+    counts[1:-1] = np.where(counts[1:-1] > 1, np.minimum(counts[1:-1] + 1, degree), 1)
+    counts[[0, -1]] = degree + 1
+    return np.repeat(values, counts)
+
+
+def _with_middles(knots: Array) -> Array:
+    values = np.unique(knots)
+    return np.sort(np.concatenate([knots, 0.5 * (values[:-1] + values[1:])]))
+
+
+# --- topology --------------------------------------------------------------------------------------------------------
+
+
+def _pcurves(outline: Outline) -> list[Geom2d_Curve]:
+    curves = [to_pcurve(segment) for segment in outline.segments]
+    if len(curves) > 1:
+        return curves
+    # A loop of one curve: two halves, so that the sides of the plate need no seam.
+    whole = curves[0]
+    first, last = whole.FirstParameter(), whole.LastParameter()
+    middle = 0.5 * (first + last)
+    basis = whole.BasisCurve() if isinstance(whole, Geom2d_TrimmedCurve) else whole
+    return [Geom2d_TrimmedCurve(basis, first, middle), Geom2d_TrimmedCurve(basis, middle, last)]
+
+
+def _face(surface: Geom_BSplineSurface, pcurves: list[Geom2d_Curve]) -> TopoDS_Face:
+    wire = BRepBuilderAPI_MakeWire()
+    for curve in pcurves:
+        edge = BRepBuilderAPI_MakeEdge(curve, surface, curve.FirstParameter(), curve.LastParameter()).Edge()
+        BRepLib.BuildCurves3d_s(edge, EDGE_TOLERANCE_MM, GeomAbs_C1, 14, 400)
+        wire.Add(edge)
+    if not wire.IsDone():
+        raise SolidError(f"the outline's {len(pcurves)} pieces do not join into one loop on the surface "
+                         f"(the kernel's reason: {wire.Error()})")
+    made = BRepBuilderAPI_MakeFace(surface, wire.Wire(), True)
+    if not made.IsDone():
+        raise SolidError(f"the kernel cannot cut the surface to the outline ({made.Error()})")
+    face = made.Face()
+    BRepLib.BuildCurves3d_s(face, EDGE_TOLERANCE_MM, GeomAbs_C1, 14, 400)
+    BRepLib.SameParameter_s(face, EDGE_TOLERANCE_MM, False)
+    if not BRepCheck_Analyzer(face).IsValid():
+        raise SolidError("the kernel finds the surface cut to the outline invalid: does the outline touch itself?")
+    return face
+
+
+def outer_wire(face: TopoDS_Face) -> TopoDS_Wire:
+    """The wire that bounds a face."""
+    return BRepTools.OuterWire_s(face)
+
+
+def _edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
+    explorer = BRepTools_WireExplorer(outer_wire(face), face)
+    edges = []
+    while explorer.More():
+        edges.append(explorer.Current())
+        explorer.Next()
+    return edges
+
+
+def faces_of(shape: TopoDS_Shape) -> list[TopoDS_Face]:
+    """Every face of a shape."""
+    explorer = TopExp_Explorer(shape, TopAbs_FACE)
+    found = []
+    while explorer.More():
+        found.append(TopoDS.Face_s(explorer.Current()))
+        explorer.Next()
+    return found
+
+
+def face_on(solid: TopoDS_Shape, surface: Geom_BSplineSurface, hint: TopoDS_Shape) -> TopoDS_Face:
+    """The face of the sewn solid that is the given one."""
+    for face in faces_of(solid):
+        if face.IsSame(hint):
+            return face
+    first = surface.Pole(1, 1)
+    for face in faces_of(solid):
+        other = BRep_Tool.Surface_s(face)
+        if isinstance(other, Geom_BSplineSurface) and other.Pole(1, 1).IsEqual(first, 0.0):
+            return face
+    raise SolidError("the optical face was lost while the plate was sewn")
+
+
+def _only(shape: TopoDS_Shape, kind: object, name: str) -> TopoDS_Shape:
+    explorer = TopExp_Explorer(shape, kind)
+    found = []
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    if len(found) != 1:
+        raise SolidError(f"the plate's faces sew into {len(found)} {name}s, not 1: the outline has pieces shorter than "
+                         f"{SEWING_TOLERANCE_MM:g} mm, or touches itself")
+    return found[0]
+
+
+def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Solid]:
+    """Every solid of a shape."""
+    explorer = TopExp_Explorer(shape, TopAbs_SOLID)
+    found = []
+    while explorer.More():
+        found.append(TopoDS.Solid_s(explorer.Current()))
+        explorer.Next()
+    return found
+
+
+def is_valid(shape: TopoDS_Shape) -> bool:
+    """The kernel's own check of a shape."""
+    return bool(BRepCheck_Analyzer(shape).IsValid())
+
+
+def area(shape: TopoDS_Shape) -> float:
+    """Surface area by the kernel, mm²."""
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, properties, 1e-9)
+    return float(properties.Mass())
+
+
+def volume(shape: TopoDS_Shape) -> float:
+    """Volume by the kernel, mm³."""
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, properties, 1e-9, True)
+    return float(properties.Mass())

@@ -1,0 +1,149 @@
+"""Shapes in, AP242 STEP files with named and coloured faces out; STEP files in, named faces as B-splines out."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.IFSelect import IFSelect_RetDone
+from OCP.Interface import Interface_HArray1OfHAsciiString, Interface_Static
+from OCP.Message import Message, Message_Gravity
+from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
+from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
+from OCP.StepShape import StepShape_AdvancedFace
+from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
+
+from mirror_cad.bspline import BSplineSurface
+from mirror_cad.errors import FileError
+from mirror_cad.occt.convert import face_as_bspline
+from mirror_cad.occt.solid import faces_of
+
+OPTICAL_FACE = "optical face"
+TRIM_CURVE = "trim curve"
+OPTICAL_COLOUR = (0.55, 0.75, 0.95)
+GLASS_COLOUR = (0.35, 0.38, 0.42)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One product of a STEP file: a shape, its name, its colour, and a face of it with a name and colour of its own."""
+
+    shape: TopoDS_Shape
+    name: str
+    colour: tuple[float, float, float]
+    named_face: TopoDS_Face | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StepFace:
+    """A face read from a STEP file, in mm and in the file's own coordinates: its name ("" without one), the surface
+    under it as a B-spline, and the face itself, lying on exactly that surface."""
+
+    name: str
+    surface: BSplineSurface
+    face: TopoDS_Face
+
+
+def write_step(path: Path, parts: list[Part], title: str) -> None:
+    """Write parts as one AP242 file in mm. The header's time follows SOURCE_DATE_EPOCH.
+
+    Raises: FileError where the kernel cannot write it.
+    """
+    _silence()
+    document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colours = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    for part in parts:
+        label = shapes.AddShape(part.shape, False)
+        TDataStd_Name.Set_s(label, TCollection_ExtendedString(part.name))
+        colours.SetColor(label, Quantity_Color(*part.colour, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
+        if part.named_face is not None:
+            face = shapes.AddSubShape(label, part.named_face)
+            TDataStd_Name.Set_s(face, TCollection_ExtendedString(OPTICAL_FACE))
+            colours.SetColor(face, Quantity_Color(*OPTICAL_COLOUR, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
+    # The settings exist only once the controller does, and a writer takes the schema when it is made. The kernel's name
+    # for AP242 is "AP242DIS"; "AP242" it would refuse without a word.
+    STEPCAFControl_Controller.Init_s()
+    for key, value in (("write.step.schema", "AP242DIS"), ("write.step.unit", "MM")):
+        if not Interface_Static.SetCVal_s(key, value):
+            raise FileError(f"the kernel does not take {key} = {value}")
+    if not Interface_Static.SetIVal_s("write.stepcaf.subshapes.name", 1):
+        raise FileError("the kernel does not take write.stepcaf.subshapes.name")
+    writer = STEPCAFControl_Writer()
+    writer.SetColorMode(True)
+    writer.SetNameMode(True)
+    if not writer.Transfer(document, STEPControl_AsIs):
+        raise FileError(f"{path}: the kernel cannot turn the shapes into STEP")
+    _write_header(writer, title)
+    if writer.Write(str(path)) != IFSelect_RetDone:
+        raise FileError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
+
+
+def read_step_faces(path: Path) -> list[StepFace]:
+    """Every face of a STEP file, placed as the file's assemblies place it.
+
+    Raises: FileError for a file that is no STEP or holds no face; SurfaceError for a surface no B-spline can take.
+    """
+    reader = _read(path)
+    shape = reader.OneShape()
+    found = []
+    for face in faces_of(shape) if shape is not None and not shape.IsNull() else ():
+        surface, converted = face_as_bspline(face)
+        found.append(StepFace(_face_name(reader, face), surface, converted))
+    if not found:
+        raise FileError(f"{path}: the file holds no face (curves and points alone are no mirror)")
+    return found
+
+
+def read_step_shape(path: Path) -> TopoDS_Shape:
+    """Everything in a STEP file as one shape, for checks of solids.
+
+    Raises: FileError for a file that is no STEP.
+    """
+    return _read(path).OneShape()
+
+
+def _read(path: Path) -> STEPControl_Reader:
+    _silence()
+    if not path.is_file():
+        raise FileError(f"{path}: no such file")
+    reader = STEPControl_Reader()
+    Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+    if reader.ReadFile(str(path)) != IFSelect_RetDone:
+        raise FileError(f"{path}: not a STEP file that the kernel can read")
+    reader.TransferRoots()
+    return reader
+
+
+def _face_name(reader: STEPControl_Reader, face: TopoDS_Face) -> str:
+    """The name of the ADVANCED_FACE entity that became this face."""
+    entity = reader.WS().TransferReader().EntityFromShapeResult(face, 1)
+    name = entity.Name() if isinstance(entity, StepShape_AdvancedFace) else None
+    return str(name.ToCString()) if name is not None else ""
+
+
+def _write_header(writer: STEPCAFControl_Writer, title: str) -> None:
+    header = APIHeaderSection_MakeHeader(writer.ChangeWriter().Model())
+    stamp = time.gmtime(int(os.environ.get("SOURCE_DATE_EPOCH", str(int(time.time())))))
+    header.SetName(TCollection_HAsciiString(title))
+    header.SetTimeStamp(TCollection_HAsciiString(time.strftime("%Y-%m-%dT%H:%M:%S", stamp)))
+    for setter, text in ((header.SetAuthor, "mirror-cad user"), (header.SetOrganization, "unspecified")):
+        array = Interface_HArray1OfHAsciiString(1, 1)
+        array.SetValue(1, TCollection_HAsciiString(text))
+        setter(array)
+    header.SetOriginatingSystem(TCollection_HAsciiString("mirror-cad"))
+    header.SetAuthorisation(TCollection_HAsciiString(""))
+
+
+def _silence() -> None:
+    """Keep the kernel's transfer statistics off the standard output, which belongs to results."""
+    for printer in list(Message.DefaultMessenger_s().Printers()):
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)

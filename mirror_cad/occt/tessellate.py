@@ -1,0 +1,70 @@
+"""A shape and a deflection in, triangles and STL files out; STL files in, triangles out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
+from OCP.RWStl import RWStl
+from OCP.StlAPI import StlAPI_Writer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+
+from mirror_cad.errors import FileError
+from mirror_cad.mesh import SurfaceMesh
+
+# The chordal deflection alone decides: an angular limit this wide never adds a triangle on a mirror.
+ANGULAR_DEFLECTION_RAD = 1.0
+
+
+def triangulate(shape: TopoDS_Shape, deflection_mm: float) -> None:
+    """Mesh a shape in place so that no triangle is farther than the deflection, an absolute length, from it.
+
+    Delabella is many times faster than the kernel's default mesher at deflections below 0.01 mm.
+    """
+    BRepTools.Clean_s(shape)
+    parameters = IMeshTools_Parameters()
+    parameters.Deflection = deflection_mm
+    parameters.Angle = ANGULAR_DEFLECTION_RAD
+    parameters.Relative = False
+    parameters.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
+    BRepMesh_IncrementalMesh(shape, parameters)
+
+
+def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
+    """The triangles that `triangulate` put on a face."""
+    location = TopLoc_Location()
+    triangulation = BRep_Tool.Triangulation_s(face, location)
+    if triangulation is None:
+        raise FileError("the kernel could not triangulate a face: is its boundary closed?")
+    transform = location.Transformation()
+    nodes = [triangulation.Node(i).Transformed(transform) for i in range(1, triangulation.NbNodes() + 1)]
+    faces = np.array([triangulation.Triangle(i).Get() for i in range(1, triangulation.NbTriangles() + 1)], dtype=np.int32)
+    faces -= 1
+    if face.Orientation().name == "TopAbs_REVERSED":
+        faces = faces[:, ::-1].copy()
+    return SurfaceMesh(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]), faces)
+
+
+def write_stl(path: Path, shape: TopoDS_Shape, deflection_mm: float) -> None:
+    """Write a shape as binary STL with an absolute deflection. Raises: FileError where it cannot be written."""
+    triangulate(shape, deflection_mm)
+    writer = StlAPI_Writer()
+    writer.ASCIIMode = False
+    if not writer.Write(shape, str(path)):
+        raise FileError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
+
+
+def read_stl(path: Path) -> SurfaceMesh:
+    """The triangles of a binary or ASCII STL file. Raises: FileError for a file that holds none."""
+    triangulation = RWStl.ReadFile_s(str(path)) if path.is_file() else None
+    if triangulation is None or triangulation.NbTriangles() == 0:
+        raise FileError(f"{path}: not an STL file with triangles in it" if path.is_file() else f"{path}: no such file")
+    nodes = [triangulation.Node(i) for i in range(1, triangulation.NbNodes() + 1)]
+    faces = np.array([triangulation.Triangle(i).Get() for i in range(1, triangulation.NbTriangles() + 1)], dtype=np.int32)
+    vertices = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
+    return SurfaceMesh(vertices, faces - 1)

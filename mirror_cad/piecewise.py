@@ -1,0 +1,97 @@
+"""Callable with breaks in, piecewise Chebyshev series out: evaluated, differentiated, integrated to rounding error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+DEGREE = 24
+# A piece is resolved when its last three coefficients lie below this share of the function's largest value:
+# a few units of rounding, so that halving further gains nothing.
+RESOLVED = 4e-15
+# A piece this small against the whole interval is not halved again: what is left there is a kink or a jump.
+SMALLEST_PIECE = 1e-10
+# Below this share a tail that halving no longer shrinks fast is the function's own rounding noise, not structure.
+NOISE = 1e-10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PiecewiseChebyshev:
+    """f(x) = Σ_k c[i, k]·T_k(ξ) on [breaks[i], breaks[i+1]], ξ running from −1 to 1; continued by the end pieces.
+
+    breaks : (m + 1,) ascending.   coefficients : (m, n).
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    def __call__(self, x: ArrayLike) -> Array:
+        """f at x, any shape."""
+        shape = np.shape(x)
+        x = np.asarray(x, dtype=np.float64).ravel()
+        piece = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.coefficients) - 1)
+        low, high = self.breaks[piece], self.breaks[piece + 1]
+        xi = ((x - low) - (high - x)) / (high - low)
+        values: Array = chebyshev.chebval(xi, self.coefficients[piece].T, tensor=False)
+        return values.reshape(shape)
+
+    def derivative(self) -> PiecewiseChebyshev:
+        """f′, piece by piece."""
+        scale = 2.0 / np.diff(self.breaks)
+        return PiecewiseChebyshev(self.breaks, chebyshev.chebder(self.coefficients, axis=1) * scale[:, None])
+
+    def integral(self, zero_at: float) -> PiecewiseChebyshev:
+        """F with F′ = f, continuous, and F(zero_at) = 0."""
+        scale = 0.5 * np.diff(self.breaks)
+        primitive = chebyshev.chebint(self.coefficients, lbnd=-1.0, axis=1) * scale[:, None]
+        gains = primitive.sum(axis=1)  # T_k(1) = 1
+        primitive[1:, 0] += np.cumsum(gains)[:-1]
+        unanchored = PiecewiseChebyshev(self.breaks, primitive)
+        primitive[:, 0] -= float(unanchored(zero_at))
+        return PiecewiseChebyshev(self.breaks, primitive)
+
+    def tight_breaks(self, width: float) -> list[float]:
+        """Places where pieces narrower than `width` stand: kinks and jumps that nobody announced."""
+        narrow = np.flatnonzero(np.diff(self.breaks) < width)
+        places: list[float] = []
+        for i in narrow:
+            middle = 0.5 * float(self.breaks[i] + self.breaks[i + 1])
+            if not places or middle - places[-1] > 100.0 * width:
+                places.append(middle)
+        return places
+
+
+def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> PiecewiseChebyshev:
+    """Halve the pieces between `breaks` until each is a Chebyshev series to rounding error.
+
+    `function` returns finite values for any x between the breaks.
+    Interpolation at the Chebyshev points of the first kind (never at the ends, so a jump at a break is harmless).
+    Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3, 4 and 8.
+    """
+    nodes = chebyshev.chebpts1(DEGREE + 1)
+    to_coefficients = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
+    whole = breaks[-1] - breaks[0]
+    pairs = zip(breaks[:-1], breaks[1:], strict=True)
+    waiting = [(float(low), float(high), np.inf) for low, high in pairs if high > low][::-1]
+    done: list[tuple[float, Array]] = []
+    size = 0.0
+    while waiting:
+        low, high, coarser_tail = waiting.pop()
+        values = function(0.5 * ((high - low) * nodes + high + low))
+        size = max(size, float(np.abs(values).max()))
+        coefficients = to_coefficients @ values
+        tail = float(np.abs(coefficients[-3:]).max())
+        resolved = tail <= RESOLVED * size or 0.25 * coarser_tail < tail <= NOISE * size
+        if resolved or high - low < 2.0 * SMALLEST_PIECE * whole:
+            done.append((low, coefficients))
+        else:
+            middle = 0.5 * (low + high)
+            waiting += [(middle, high, tail), (low, middle, tail)]
+    starts = np.array([low for low, _ in done] + [float(breaks[-1])])
+    return PiecewiseChebyshev(starts, np.array([c for _, c in done]))

@@ -1,0 +1,88 @@
+"""Profile and vertical curvature law in, the sag z(x, y) of the decoupled surface and its derivatives out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.errors import ProfileError
+from mirror_cad.piecewise import PiecewiseChebyshev
+from mirror_cad.profile import STEEPEST_SINE, Profile
+
+Array = NDArray[np.float64]
+
+
+class SagDerivatives(NamedTuple):
+    """z and its derivatives to the second order, each of the shape of (x, y)."""
+
+    z: Array
+    zx: Array
+    zy: Array
+    zxx: Array
+    zxy: Array
+    zyy: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DecoupledSag:
+    """z(x, y) = z_p(x) − s(κ₂(x), y): circles of radius 1/κ₂(x) in the planes x = const, hung on the profile z_p.
+
+    s = κ₂y²/(1 + w), w = √(1 − κ₂²y²): the circle's sag in the form that holds for flat and concave circles too.
+    Source: eq. 6 of Lee et al. (2014) with R₂ constant along y.
+    """
+
+    profile: Profile
+    vertical: PiecewiseChebyshev  # κ₂(x), 1/mm
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """z at (x, y), mm, broadcast."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        kappa = self.vertical(x)
+        result: Array = self.profile.height(x) - kappa * y**2 / (1.0 + _cosine(kappa, y))
+        return result
+
+    def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
+        """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        first = self.vertical.derivative()
+        k, k1, k2 = self.vertical(x), first(x), first.derivative()(x)
+        w = _cosine(k, y)
+        s_k = y**2 / (w * (1.0 + w))
+        s_kk = k * y**4 * (1.0 + 2.0 * w) / (w**3 * (1.0 + w) ** 2)
+        profile = self.profile
+        return SagDerivatives(
+            z=profile.height(x) - k * y**2 / (1.0 + w),
+            zx=profile.slope(x) - s_k * k1,
+            zy=-k * y / w,
+            zxx=profile.bend(x) - s_kk * k1**2 - s_k * k2,
+            zxy=-k1 * y / w**3,
+            zyy=-k / w**3,
+        )
+
+
+def _cosine(kappa: Array, y: Array) -> Array:
+    """cos of the circle's tangent angle at y."""
+    sine = kappa * y
+    result: Array = np.sqrt((1.0 - sine) * (1.0 + sine))
+    return result
+
+
+def check_circles(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half_height_mm: float) -> None:
+    """Raise ProfileError where a vertical circle's radius does not exceed the mirror's half-height."""
+    x = np.linspace(x_min, x_max, 2001)
+    kappa = vertical(x)
+    worst = int(np.argmax(np.abs(kappa)))
+    if abs(kappa[worst]) * half_height_mm >= 1.0:
+        raise ProfileError(
+            f"the vertical radius {abs(1.0 / kappa[worst]):.1f} mm at x = {x[worst]:.1f} mm is not above the mirror's "
+            f"half-height {half_height_mm:.1f} mm: its circle ends before the edge; raise the vertical radius there or "
+            "make the outline lower")
+
+
+def existing_half_height(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half_height_mm: float) -> float:
+    """As much of the half-height as every circle reaches while its slope stays below STEEPEST_SINE."""
+    largest = float(np.abs(vertical(np.linspace(x_min, x_max, 2001))).max())
+    return half_height_mm if largest * half_height_mm <= STEEPEST_SINE else STEEPEST_SINE / largest
