@@ -35,11 +35,19 @@ MINIMUM_SIZE_MM = 1.0
 MAXIMUM_SIZE_MM = 1e5
 """An outline must be smaller than this both across and upwards: larger means wrong units."""
 
+SMALLEST_RADIUS_MM = 1e-2
+"""Smallest corner radius of a generated outline: smaller arcs are of the size that files and kernels join away."""
+
 MAXIMUM_EDGES = 300_000
 """Most straight edges one outline may be broken into, so that a malformed one cannot exhaust the memory."""
 
 _MAXIMUM_PAIRS = 4_000_000
 _FULL_TURN = 2.0 * math.pi
+# Numbers larger than this, and knots and weights more unequal, overflow or lose all digits in what follows.
+_LARGEST = 1e12
+_CLOSEST = 1e-12
+# The largest degree common CAD kernels take.
+_MAXIMUM_DEGREE = 25
 # A joint of two arcs closer than this is rounding; moving the arcs to close it would only add rounding of its own.
 _ROUNDING_MM = 1e-9
 
@@ -50,8 +58,8 @@ def _text(point: Sequence[float]) -> str:
 
 def _finite_point(value: ArrayLike, what: str) -> Point:
     array = np.asarray(value, dtype=float)
-    if array.shape != (2,) or not np.isfinite(array).all():
-        raise OutlineError(f"{what} is {value!r}: it must be two finite numbers, x and y in mm")
+    if array.shape != (2,) or not (np.abs(array) <= _LARGEST).all():
+        raise OutlineError(f"{what} is {value!r}: it must be two finite numbers up to {_LARGEST:g}, x and y in mm")
     return float(array[0]), float(array[1])
 
 
@@ -122,8 +130,10 @@ class Arc:
         object.__setattr__(self, "centre", _finite_point(self.centre, "the centre of an arc"))
         for name in ("radius_mm", "start_angle", "sweep"):
             value = float(getattr(self, name))
-            if not math.isfinite(value):
-                raise OutlineError(f"{name} of the arc about {_text(self.centre)} is {value!r}: it must be finite")
+            if not abs(value) <= _LARGEST:
+                raise OutlineError(
+                    f"{name} of the arc about {_text(self.centre)} is {value!r}: it must be finite, up to {_LARGEST:g}"
+                )
             object.__setattr__(self, name, value)
         if self.radius_mm <= 0.0:
             raise OutlineError(f"radius of the arc about {_text(self.centre)} is {self.radius_mm!r} mm, not above 0")
@@ -209,13 +219,15 @@ class Arc:
 class Spline:
     """The clamped B-spline sum N_i(t) w_i P_i / sum N_i(t) w_i, t running over the knot range as s does over [0, 1].
 
-    degree:  p >= 1.
+    degree:  p, from 1 to 25.
     knots:   (n + p + 1,), never decreasing, written out with repetition; the first and the last p + 1 are equal and no
-             inner knot is repeated more than p times (the curve is continuous).
+             inner knot is repeated more than p times (the curve is continuous). Knots that differ do so by at least
+             1e-12 of the range, which is at least 1e-12.
     poles:   P, (n, 2) in mm, n >= p + 1; the curve starts at the first pole and ends at the last.
-    weights: w, (n,), all above 0; None for a polynomial spline (all 1).
+    weights: w, (n,), all above 0, the smallest at least 1e-12 of the largest; None for a polynomial spline (all 1).
 
-    The arrays are copied and made read-only. Raises `OutlineError` where one of these conditions does not hold.
+    Numbers are at most 1e12 in size. The arrays are copied and made read-only. Raises `OutlineError` where one of these
+    conditions does not hold.
     """
 
     degree: int
@@ -226,8 +238,8 @@ class Spline:
     def __post_init__(self) -> None:
         p = self.degree
         knots, poles = np.array(self.knots, dtype=float), np.array(self.poles, dtype=float)
-        if int(p) != p or p < 1:
-            raise OutlineError(f"degree of the spline is {p!r}: it must be a whole number of at least 1")
+        if int(p) != p or not 1 <= p <= _MAXIMUM_DEGREE:
+            raise OutlineError(f"degree of the spline is {p!r}: it must be a whole number from 1 to {_MAXIMUM_DEGREE}")
         if poles.ndim != 2 or poles.shape[1] != 2 or len(poles) < p + 1:
             raise OutlineError(
                 f"poles of the spline have shape {poles.shape}: (n, 2) with n >= {p + 1} is needed for degree {p}"
@@ -236,19 +248,28 @@ class Spline:
             raise OutlineError(
                 f"the spline has {knots.size} knots: {len(poles)} poles of degree {p} need {len(poles) + p + 1}"
             )
-        if not (np.isfinite(knots).all() and np.isfinite(poles).all()):
-            raise OutlineError("the spline has a knot or a pole that is not a finite number")
-        if (np.diff(knots) < 0.0).any() or not knots[0] < knots[-1]:
-            raise OutlineError("knots of the spline must never decrease and must span more than one value")
+        if not ((np.abs(knots) <= _LARGEST).all() and (np.abs(poles) <= _LARGEST).all()):
+            raise OutlineError(f"the spline has a knot or a pole that is not a finite number up to {_LARGEST:g}")
+        steps, extent = np.diff(knots), knots[-1] - knots[0]
+        if (steps < 0.0).any() or extent < _CLOSEST:
+            raise OutlineError(f"knots of the spline must never decrease and must span at least {_CLOSEST:g}")
+        if (steps[steps > 0.0] < _CLOSEST * extent).any():
+            raise OutlineError(f"knots of the spline that differ must do so by {_CLOSEST:g} of their range or more")
         if knots[0] != knots[p] or knots[-1] != knots[-p - 1]:
             raise OutlineError(f"the spline is not clamped: its first and last {p + 1} knots must be equal")
         if (knots[p + 1 : -1] <= knots[1 : -p - 1]).any():
-            raise OutlineError(f"the spline is broken: an inner knot is repeated more than {p} times, or an end knot "
-                               f"more than {p + 1} times")  # fmt: skip
+            raise OutlineError(
+                f"the spline is broken: an inner knot is repeated more than {p} times, or an end knot more than {p + 1}"
+            )
         weights = None if self.weights is None else np.array(self.weights, dtype=float)
         if weights is not None:
             if weights.shape != (len(poles),) or not (np.isfinite(weights) & (weights > 0.0)).all():
                 raise OutlineError(f"weights of the spline must be {len(poles)} finite numbers above 0, one a pole")
+            if weights.min() < _CLOSEST * weights.max():
+                raise OutlineError(
+                    f"weights of the spline range from {weights.min():g} to {weights.max():g}: they must not differ by "
+                    f"more than a factor of {1.0 / _CLOSEST:g}"
+                )
             weights.flags.writeable = False
         knots.flags.writeable = poles.flags.writeable = False
         object.__setattr__(self, "degree", int(p))
@@ -266,9 +287,10 @@ class Spline:
         """Last pole (x, y) in mm."""
         return float(self.poles[-1, 0]), float(self.poles[-1, 1])
 
-    def _homogeneous(self) -> Any:
-        weights = np.ones(len(self.poles)) if self.weights is None else self.weights
-        columns = np.column_stack([self.poles * weights[:, None], weights])
+    def _homogeneous(self, about: Point = (0.0, 0.0)) -> Any:
+        """The spline (x w, y w, w), with coordinates counted from `about`."""
+        weights = np.ones(len(self.poles)) if self.weights is None else self.weights / self.weights.max()
+        columns = np.column_stack([(self.poles - np.array(about)) * weights[:, None], weights])
         return BSpline(self.knots, columns, self.degree)
 
     def point(self, s: ArrayLike) -> FloatArray:
@@ -294,19 +316,21 @@ class Spline:
         With the curve (X/W, Y/W) on a span, x is extremal where X' W - X W' = 0, a polynomial whose roots are found.
         """
         curve, breaks = self._homogeneous(), np.unique(self.knots)
-        values = [self.poles[:1], self.poles[-1:]]
-        # Taylor coefficients at the left end of every span, the highest power first.
-        powers = range(self.degree, -1, -1)
-        taylor = np.stack([curve(breaks[:-1], nu=k) / math.factorial(k) for k in powers], axis=-1)
-        for (x, y, w), width in zip(taylor, np.diff(breaks), strict=True):
-            at = [np.array([0.0, width])]
+        # Each span over u in [-1, 1], as the polynomial through its values at the Chebyshev points.
+        nodes = np.cos(np.pi * (np.arange(self.degree + 1) + 0.5) / (self.degree + 1))
+        middle, half = 0.5 * (breaks[1:] + breaks[:-1]), 0.5 * np.diff(breaks)
+        pieces = np.linalg.solve(np.vander(nodes), curve(middle[:, None] + half[:, None] * nodes))
+        at = [breaks]
+        for (x, y, w), centre, width in zip(np.moveaxis(pieces, 1, 2), middle, half, strict=True):
             for coordinate in (x, y):
                 slope = np.polysub(np.polymul(np.polyder(coordinate), w), np.polymul(coordinate, np.polyder(w)))
+                # Rounding instead of a leading zero would put roots far out and cost the others their digits.
+                slope[np.abs(slope) < 1e-15 * np.abs(slope).max()] = 0.0
                 # Every root, complex ones too: a point too many is still a point of the curve and does no harm, while
                 # a double root split into a complex pair by rounding would be missed.
-                at.append(np.clip(np.roots(slope).real, 0.0, width))
-            t = np.concatenate(at)
-            values.append(np.stack([np.polyval(x, t), np.polyval(y, t)], axis=-1) / np.polyval(w, t)[:, None])
+                at.append(centre + width * np.clip(np.roots(slope).real, -1.0, 1.0))
+        value = curve(np.concatenate(at))
+        values = [self.poles[[0, -1]], value[:, :2] / value[:, 2:]]
         points = np.concatenate(values)
         (x_min, y_min), (x_max, y_max) = points.min(axis=0), points.max(axis=0)
         return float(x_min), float(x_max), float(y_min), float(y_max)
@@ -358,9 +382,7 @@ class Spline:
         Gauss-Legendre on every knot span: with p points exact for a polynomial spline of degree p; with 40 points for
         a rational one, where the integrand is (X Y' - Y X') / W^2.
         """
-        weights = np.ones(len(self.poles)) if self.weights is None else self.weights
-        columns = np.column_stack([(self.poles - np.array(about)) * weights[:, None], weights])
-        curve = BSpline(self.knots, columns, self.degree)
+        curve = self._homogeneous(about)
         node, weight = np.polynomial.legendre.leggauss(self.degree if self.weights is None else 40)
         breaks = np.unique(self.knots)
         half = 0.5 * np.diff(breaks)
@@ -642,8 +664,8 @@ def truck_outline(width_mm: float, left_height_mm: float, right_height_mm: float
     `corner_radius_mm` tangent to both its sides, which takes r / tan(angle/2) off either side. With radius 0 the
     corners stay sharp. Sides used up by their arcs are left out.
 
-    All in mm. Raises `OutlineError` for a size that is not a finite number above 0, a negative radius, and a radius
-    that does not fit, naming the corners and the largest radius that does.
+    All in mm. Raises `OutlineError` for a size that is not a finite number above 0, a radius below 0.01 other than 0,
+    and a radius that does not fit, naming the corners and the largest radius that does.
     """
     source = "truck outline"
     for name, value in (
@@ -651,8 +673,11 @@ def truck_outline(width_mm: float, left_height_mm: float, right_height_mm: float
     ):  # fmt: skip
         if not (math.isfinite(value) and value > 0.0):
             raise OutlineError(f"{source}: {name} is {value!r} mm: it must be a finite number above 0")
-    if not (math.isfinite(corner_radius_mm) and corner_radius_mm >= 0.0):
-        raise OutlineError(f"{source}: corner_radius_mm is {corner_radius_mm!r} mm: it must be finite and at least 0")
+    if not (corner_radius_mm == 0.0 or SMALLEST_RADIUS_MM <= corner_radius_mm < math.inf):
+        raise OutlineError(
+            f"{source}: corner_radius_mm is {corner_radius_mm!r} mm: it must be 0 for sharp corners, or finite and at "
+            f"least {SMALLEST_RADIUS_MM:g}"
+        )
     x, left, right = 0.5 * width_mm, 0.5 * left_height_mm, 0.5 * right_height_mm
     # Counter-clockwise from the lower left; side i runs from corner i to corner i + 1.
     corners = [(-x, -left), (x, -right), (x, right), (-x, left)]

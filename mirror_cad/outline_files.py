@@ -165,8 +165,8 @@ def _chained(pieces: list[_Piece], source: str) -> list[Segment]:
             where = pieces[i].segment.start if node[i, 0] == number else pieces[i].segment.end
             raise OutlineError(
                 f"{source}: {len(here)} pieces end at {_text(where)}: "
-                f"{', '.join(pieces[k].label for k in here[:4])}{', ...' if len(here) > 4 else ''}; an outline does not "
-                "branch, so delete duplicates and construction lines"
+                f"{', '.join(pieces[k].label for k in here[:4])}{', ...' if len(here) > 4 else ''}; an outline does "
+                "not branch, so delete duplicates and construction lines"
             )
     used = np.zeros(len(pieces), dtype=bool)
     # Open chains first, from their ends; whatever is left then closes on itself.
@@ -195,7 +195,7 @@ def _chained(pieces: list[_Piece], source: str) -> list[Segment]:
     if len(chains) != 1:
         if not chains:
             raise OutlineError(
-                f"{source}: no outline found: every piece is shorter than {FILE_JOIN_TOLERANCE_MM:g} mm; check the units"
+                f"{source}: no outline found: all pieces are within {FILE_JOIN_TOLERANCE_MM:g} mm; check the units"
             )
         places = []
         for chain in chains[:4]:
@@ -224,7 +224,7 @@ def _gaps(chains: list[list[_Piece]]) -> str:
         for (a, b), size in list(found.items())[:4]
     ]
     return (
-        f"{'; '.join(said)}{'; ...' if len(found) > 4 else ''}; gaps up to {FILE_JOIN_TOLERANCE_MM:g} mm are closed, so "
+        f"{'; '.join(said)}{'; ...' if len(found) > 4 else ''}; gaps up to {FILE_JOIN_TOLERANCE_MM:g} mm are closed: "
         "move the ends together or add the missing piece"
     )
 
@@ -270,6 +270,9 @@ def _clamped_spline(degree: int, knots: FloatArray, poles: FloatArray, weights: 
     close = 1e-9 * (high - low)
     inner = knots[p + 1 : n]
     inner = inner[(inner > low + close) & (inner < high - close)]
+    for i in range(1, len(inner)):
+        if inner[i] - inner[i - 1] <= 1e-12 * (high - low):
+            inner[i] = inner[i - 1]
     clamped = np.concatenate([np.full(p + 1, low), inner, np.full(p + 1, high)])
     if len(clamped) == len(knots) and low - knots[0] <= close and knots[-1] - high <= close:
         return Spline(p, clamped, poles, weights)
@@ -297,6 +300,11 @@ _ANNOTATIONS = {
 _ENTITIES = "LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE, POLYLINE and SPLINE"
 
 
+def _printable(text: object) -> str:
+    """At most 200 characters of a text that came from a damaged file, bytes that are none written as escapes."""
+    return str(text)[:200].encode("ascii", "backslashreplace").decode()
+
+
 def _dxf_pieces(file: Path) -> Iterator[_Piece]:
     try:
         document = ezdxf.readfile(str(file))
@@ -306,7 +314,7 @@ def _dxf_pieces(file: Path) -> Iterator[_Piece]:
         raise OutlineError(f"{file}: not a DXF file, or it cannot be read ({error}); export it again as DXF") from None
     except Exception as error:  # noqa: BLE001 - a damaged file fails the parser in any way: KeyError, struct.error, ...
         raise OutlineError(
-            f"{file}: damaged DXF file ({type(error).__name__}: {str(error)[:200]}); export it again, as R2000 or later"
+            f"{file}: damaged DXF file ({type(error).__name__}: {_printable(error)}); export it again as R2000 or later"
         ) from None
     scale = _MM_PER_UNIT.get(unit) if isinstance(unit, int) else None
     if scale is None:
@@ -318,13 +326,13 @@ def _dxf_pieces(file: Path) -> Iterator[_Piece]:
         kind = entity.dxftype()
         if kind in _ANNOTATIONS:
             continue
-        label = f"{kind} with handle {entity.dxf.get('handle')}"
+        label = _printable(f"{kind} with handle {entity.dxf.get('handle')}")
         try:
             segments, elevations = _dxf_segments(entity, kind, scale)
         except OutlineError as error:
             raise OutlineError(f"{file}: {label}: {error}") from None
         except Exception as error:  # noqa: BLE001 - attributes of the wrong type or count in a damaged entity
-            raise OutlineError(f"{file}: {label} is damaged ({type(error).__name__}: {str(error)[:200]})") from None
+            raise OutlineError(f"{file}: {label} is damaged ({type(error).__name__}: {_printable(error)})") from None
         for z in elevations:
             level = level or (z, label)
             if not abs(z - level[0]) <= _ELEVATION_TOLERANCE_MM:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
+from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
+from OCP.GCPnts import GCPnts_TangentialDeflection
 from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle, Geom2d_Curve, Geom2d_Line, Geom2d_TrimmedCurve
 from OCP.gp import gp_Ax22d, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
-from OCP.TopAbs import TopAbs_REVERSED
+from OCP.TopAbs import TopAbs_REVERSED, TopAbs_WIRE
+from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
@@ -90,6 +93,31 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
 def is_reversed(face: TopoDS_Face) -> bool:
     """Whether the face's outer side is opposite to its surface's normal."""
     return bool(face.Orientation() == TopAbs_REVERSED)
+
+
+# Trimming polygons stay this close to the pcurves, as a share of the parameter range.
+LOOP_CHORD = 1e-7
+
+
+def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
+    """The wires of a face as closed polygons in its surface's (u, v), (n, 2) each, the first point not repeated."""
+    u_min, u_max, v_min, v_max = BRepTools.UVBounds_s(face)
+    chord = LOOP_CHORD * max(u_max - u_min, v_max - v_min)
+    loops = []
+    wires = TopExp_Explorer(face, TopAbs_WIRE)
+    while wires.More():
+        points: list[Array] = []
+        edges = BRepTools_WireExplorer(TopoDS.Wire_s(wires.Current()), face)
+        while edges.More():
+            adaptor = BRepAdaptor_Curve2d(edges.Current(), face)
+            sampled = GCPnts_TangentialDeflection(adaptor, 0.2, chord, 2)
+            uv = np.array([adaptor.Value(sampled.Parameter(i)).Coord() for i in range(1, sampled.NbPoints() + 1)])
+            points.append(uv[::-1][:-1] if edges.Current().Orientation() == TopAbs_REVERSED else uv[:-1])
+            edges.Next()
+        if points:
+            loops.append(np.concatenate(points))
+        wires.Next()
+    return tuple(loops)
 
 
 def to_pcurve(segment: Line | Arc | Spline) -> Geom2d_Curve:

@@ -1,0 +1,27 @@
+"""What an eye sees in a reflector: a STEP face, an STL mesh or a designed mirror in, rays and pictures out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raytrace.errors import SceneError, TraceError
+    from raytrace.reflect import Status, Trace, reflect
+    from raytrace.reflector import Reflector, load_reflector
+
+_HOME = {
+    "SceneError": "errors", "TraceError": "errors", "Status": "reflect", "Trace": "reflect", "reflect": "reflect",
+    "Reflector": "reflector", "load_reflector": "reflector",
+}
+__all__ = ["Reflector", "SceneError", "Status", "Trace", "TraceError", "load_reflector", "reflect"]
+
+
+def __getattr__(name: str) -> Any:
+    # `raytrace.reflect` is a function and a module of that name: once imported, the module would hide the function.
+    if name not in _HOME:
+        raise AttributeError(f"module 'raytrace' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"raytrace.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
