@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         SolidError,
         SpecError,
         SurfaceError,
+        WriteError,
     )
     from mirror_cad.mirror import Mirror, design
     from mirror_cad.spec import MirrorSpec
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
 # Loaded when first asked for, so that importing the package costs nothing and brings in no kernel.
 _HOME = {
     "FileError": "errors", "MirrorError": "errors", "OutlineError": "errors", "ProfileError": "errors",
-    "SolidError": "errors", "SpecError": "errors", "SurfaceError": "errors",
+    "SolidError": "errors", "SpecError": "errors", "SurfaceError": "errors", "WriteError": "errors",
     "Mirror": "mirror", "design": "mirror",
     "MirrorSpec": "spec", "load_spec": "spec_file", "preset_names": "spec_file",
 }
 __all__ = [
     "FileError", "Mirror", "MirrorError", "MirrorSpec", "OutlineError", "ProfileError", "SolidError", "SpecError",
-    "SurfaceError", "design", "load_spec", "preset_names",
+    "SurfaceError", "WriteError", "design", "load_spec", "preset_names",
 ]
 
 

@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 SMOOTH = 99  # continuous derivatives of a law where it has no break worth a knot
 # A piece of the series narrower than this marks a kink or jump that the law's text does not announce (an expression
-# with min or max, say); ten times the smallest piece that halving leaves over a mirror of 1 m.
-HIDDEN_BREAK_MM = 1e-6
+# with min or max, say): halving stops there at some 1e-4 mm, and nothing smooth needs pieces of less than 0.01 mm.
+HIDDEN_BREAK_MM = 5e-3
 
 
 @dataclass(frozen=True, slots=True)

@@ -154,7 +154,8 @@ def _differences(after: ShapeOperator, before: ShapeOperator) -> dict[str, Array
             "twist": after.w12 - before.w12}
 
 
-def _percent_fields(after: ShapeOperator, before: ShapeOperator, designed: ShapeOperator, rms: float) -> dict[str, Array] | None:
+def _percent_fields(after: ShapeOperator, before: ShapeOperator, designed: ShapeOperator,
+                    rms: float) -> dict[str, Array] | None:
     if rms == 0.0:
         return None
     pair = _percent_scale(designed, rms)

@@ -30,4 +30,8 @@ class SolidError(MirrorError):
 
 
 class FileError(MirrorError):
-    """A file that cannot be read, written, or that reads back different from what was written."""
+    """A file given by the user that cannot be read, or holds nothing that can be used."""
+
+
+class WriteError(MirrorError):
+    """A file of our own that cannot be written (a full disk), or reads back different from what was meant."""

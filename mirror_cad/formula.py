@@ -54,7 +54,7 @@ def parse_formula(text: str) -> Formula:
         raise SpecError("the formula is nested too deeply: write it with fewer brackets") from None
 
     def formula(t: Array, x: Array) -> Array:
-        names = {"t": t, "x": x, "pi": np.float64(np.pi)}
+        names: dict[str, Array | np.float64] = {"t": t, "x": x, "pi": np.float64(np.pi)}
         with np.errstate(all="ignore"):
             return np.asarray(_evaluate(tree.body, names), dtype=np.float64) + np.zeros(np.shape(x))
 

@@ -9,7 +9,18 @@ from mirror_cad import curvature
 from mirror_cad.curvature import CurvatureLaw, Span
 from mirror_cad.errors import SpecError
 from mirror_cad.profile import circle_section_fov, integrate_exactly, section_fov, sine_of_tangent_angle
-from mirror_cad.spec import ConstantLaw, ExpressionLaw, LinearLaw, MirrorSpec, PowerLaw, Section, TableLaw, ZonesLaw
+from mirror_cad.spec import (
+    ConstantLaw,
+    ExpressionLaw,
+    HorizontalPower,
+    HorizontalZones,
+    LinearLaw,
+    MirrorSpec,
+    PowerLaw,
+    Section,
+    TableLaw,
+    ZonesLaw,
+)
 
 # The parameter is solved until the field of view is right to about 1e-10 degrees, far below any tolerance on it.
 MATCH_PRECISION = 1e-12
@@ -42,9 +53,9 @@ def solve_match(spec: MirrorSpec, span: Span, x_min: float, x_max: float, level_
     Raises: SpecError with the range that can be reached where the asked value lies outside it.
     """
     section = spec.horizontal
-    match = getattr(section, "match", None)
-    if match is None:
+    if not isinstance(section, HorizontalPower | HorizontalZones) or section.match is None:
         return None
+    match = section.match
     half, distance = 0.5 * (x_max - x_min), spec.eye.distance_mm
     if match.sphere_mm is not None:
         if match.sphere_mm <= half:
@@ -52,10 +63,11 @@ def solve_match(spec: MirrorSpec, span: Span, x_min: float, x_max: float, level_
                             f"radius above its half-width, {half:g} mm")
         wanted = circle_section_fov(1.0 / match.sphere_mm, half, distance)
     else:
-        wanted = np.radians(match.h_fov_deg)
-    key = "exponent" if isinstance(section, PowerLaw) else "blend_from"
-    highest = 50.0 if key == "exponent" else section.blend_to - 1e-3
-    values = np.geomspace(0.02, highest, 17) if key == "exponent" else np.linspace(0.0, highest, 17)
+        wanted = np.radians(match.h_fov_deg or 0.0)
+    if isinstance(section, HorizontalPower):
+        key, values = "exponent", np.geomspace(0.02, 50.0, 17)
+    else:
+        key, values = "blend_from", np.linspace(0.0, section.blend_to - 1e-3, 17)
 
     def miss(value: float) -> float:
         law = law_from(section, span, value)

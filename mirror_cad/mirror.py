@@ -81,7 +81,7 @@ class Mirror:
                 circle_section_fov(kappa, 0.5 * self.left_height_mm, distance))
 
     def export_step(self, path: str | Path) -> None:
-        """Write the plate as AP242 STEP, the optical face named and coloured. Raises: FileError, SolidError."""
+        """Write the plate as AP242 STEP, the optical face named and coloured. Raises: WriteError, SolidError."""
         from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
 
         name = self.spec.name
@@ -211,7 +211,8 @@ def _outline(spec: MirrorSpec) -> Outline:
 
     outline = read_outline(Path(given.file))
     x_min, x_max, y_min, y_max = outline.bounding_box()
-    if x_min < -blank.width_mm / 2 or x_max > blank.width_mm / 2 or y_min < -blank.height_mm / 2 or y_max > blank.height_mm / 2:
+    half_width, half_height = blank.width_mm / 2, blank.height_mm / 2
+    if x_min < -half_width or x_max > half_width or y_min < -half_height or y_max > half_height:
         raise OutlineError(f"{given.file}: the outline reaches x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, "
                            f"beyond the blank of {blank.width_mm:g} × {blank.height_mm:g} mm about the origin: move it, "
                            "check its unit, or enlarge [blank]")

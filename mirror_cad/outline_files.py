@@ -312,7 +312,7 @@ def _dxf_pieces(file: Path) -> Iterator[_Piece]:
         entities = list(document.modelspace())
     except OSError as error:
         raise OutlineError(f"{file}: not a DXF file, or it cannot be read ({error}); export it again as DXF") from None
-    except Exception as error:  # noqa: BLE001 - a damaged file fails the parser in any way: KeyError, struct.error, ...
+    except Exception as error:
         raise OutlineError(
             f"{file}: damaged DXF file ({type(error).__name__}: {_printable(error)}); export it again as R2000 or later"
         ) from None
@@ -331,7 +331,7 @@ def _dxf_pieces(file: Path) -> Iterator[_Piece]:
             segments, elevations = _dxf_segments(entity, kind, scale)
         except OutlineError as error:
             raise OutlineError(f"{file}: {label}: {error}") from None
-        except Exception as error:  # noqa: BLE001 - attributes of the wrong type or count in a damaged entity
+        except Exception as error:
             raise OutlineError(f"{file}: {label} is damaged ({type(error).__name__}: {_printable(error)})") from None
         for z in elevations:
             level = level or (z, label)

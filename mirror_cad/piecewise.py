@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import heapq
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.errors import SurfaceError
 
 Array = NDArray[np.float64]
 
@@ -19,6 +23,8 @@ RESOLVED = 4e-15
 SMALLEST_PIECE = 1e-10
 # Below this share a tail that halving no longer shrinks fast is the function's own rounding noise, not structure.
 NOISE = 1e-10
+MOST_PIECES = 4096  # a second of work
+ROUGHEST = 1e-6  # of the function's size: what may remain when the pieces run out, far below what glass can take
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +44,7 @@ class PiecewiseChebyshev:
         piece = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.coefficients) - 1)
         low, high = self.breaks[piece], self.breaks[piece + 1]
         xi = ((x - low) - (high - x)) / (high - low)
-        values: Array = chebyshev.chebval(xi, self.coefficients[piece].T, tensor=False)
+        values = np.asarray(chebyshev.chebval(xi, self.coefficients[piece].T, tensor=False), dtype=np.float64)
         return values.reshape(shape)
 
     def derivative(self) -> PiecewiseChebyshev:
@@ -62,36 +68,53 @@ class PiecewiseChebyshev:
         places: list[float] = []
         for i in narrow:
             middle = 0.5 * float(self.breaks[i] + self.breaks[i + 1])
-            if not places or middle - places[-1] > 100.0 * width:
+            if not places or middle - places[-1] > 10.0 * width:
                 places.append(middle)
         return places
 
 
 def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> PiecewiseChebyshev:
-    """Halve the pieces between `breaks` until each is a Chebyshev series to rounding error.
+    """Halve the pieces between `breaks`, the worst one first, until each is a Chebyshev series to rounding error.
 
-    `function` returns finite values for any x between the breaks.
-    Interpolation at the Chebyshev points of the first kind (never at the ends, so a jump at a break is harmless).
+    `function` returns finite values for any x between the breaks. Interpolation at the Chebyshev points of the first kind
+    (never at the ends, so a jump at a break is harmless).
+    Raises: SurfaceError where MOST_PIECES do not bring the error below ROUGHEST of the function's size.
     Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3, 4 and 8.
     """
     nodes = chebyshev.chebpts1(DEGREE + 1)
     to_coefficients = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
-    whole = breaks[-1] - breaks[0]
-    pairs = zip(breaks[:-1], breaks[1:], strict=True)
-    waiting = [(float(low), float(high), np.inf) for low, high in pairs if high > low][::-1]
+    smallest = 2.0 * SMALLEST_PIECE * (breaks[-1] - breaks[0])
     done: list[tuple[float, Array]] = []
+    # Pieces that may need halving: (−tail, start, end, coefficients, tail of the piece it came from).
+    waiting: list[tuple[float, float, float, Array, float]] = []
     size = 0.0
-    while waiting:
-        low, high, coarser_tail = waiting.pop()
+
+    def add(low: float, high: float, coarser_tail: float) -> None:
+        nonlocal size
         values = function(0.5 * ((high - low) * nodes + high + low))
         size = max(size, float(np.abs(values).max()))
         coefficients = to_coefficients @ values
         tail = float(np.abs(coefficients[-3:]).max())
+        heapq.heappush(waiting, (-tail, low, high, coefficients, coarser_tail))
+
+    for low, high in itertools.pairwise(breaks):
+        if high > low:
+            add(float(low), float(high), np.inf)
+    while waiting:
+        negative_tail, low, high, coefficients, coarser_tail = heapq.heappop(waiting)
+        tail = -negative_tail
         resolved = tail <= RESOLVED * size or 0.25 * coarser_tail < tail <= NOISE * size
-        if resolved or high - low < 2.0 * SMALLEST_PIECE * whole:
+        if resolved or high - low < smallest:
+            done.append((low, coefficients))
+        elif len(done) + len(waiting) < MOST_PIECES:
+            middle = 0.5 * (low + high)
+            add(low, middle, tail)
+            add(middle, high, tail)
+        elif tail <= ROUGHEST * size:
             done.append((low, coefficients))
         else:
-            middle = 0.5 * (low + high)
-            waiting += [(middle, high, tail), (low, middle, tail)]
+            raise SurfaceError(f"the curvature law is too rough near x = {0.5 * (low + high):.3f} mm: {MOST_PIECES} polynomial "
+                               f"pieces leave {tail / size:.1g} of its size; smooth it, or give it as a table")
+    done.sort(key=lambda piece: piece[0])
     starts = np.array([low for low, _ in done] + [float(breaks[-1])])
     return PiecewiseChebyshev(starts, np.array([c for _, c in done]))

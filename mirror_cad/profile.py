@@ -119,7 +119,8 @@ def march(kappa: PiecewiseChebyshev, exact: Profile, method: str, step_mm: float
                 g[i + 1] = g[i] - h * at[i] * (1.0 + g[i] * g[i]) ** 1.5
                 z[i + 1] = z[i] + h * g[i]
                 continue
-            rates, slopes = [], []
+            rates: list[float] = []
+            slopes: list[float] = []
             for k, weight in zip((at[i], middle[i], middle[i], at[i + 1]), (0.0, 0.5, 0.5, 1.0), strict=True):
                 slopes.append(g[i] + h * weight * (rates[-1] if rates else 0.0))
                 rates.append(-k * (1.0 + slopes[-1] * slopes[-1]) ** 1.5)

@@ -97,9 +97,11 @@ def _sentence(detail: Any, raw: dict[str, Any]) -> str:
         return f"{where}.law: this key is required: one of {', '.join(_law_models(keys[0]))}"
     if kind == "union_tag_invalid":
         law = context["tag"]
-        return f"{where}.law = {_short(law)}: must be one of {', '.join(_law_models(keys[0]))}{_nearest(law, _law_models(keys[0]))}"
+        laws = _law_models(keys[0])
+        return f"{where}.law = {_short(law)}: must be one of {', '.join(laws)}{_nearest(law, laws)}"
     if kind == "literal_error":
-        return f"{shown}: must be one of {context['expected']}{_nearest(value, [w.strip(chr(39)) for w in context['expected'].replace(' or ', ', ').split(', ')])}"
+        words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
+        return f"{shown}: must be one of {context['expected']}{_nearest(value, words)}"
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         return f"{shown}: must be {_range(keys, raw, context)}"
     if kind == "value_error":

@@ -56,8 +56,8 @@ class TriangleScene:
 
         def work(start: int) -> None:
             part = slice(start, min(start + CHUNK, n))
-            for target, values in zip(out, self._run(origins[part], directions[part]), strict=True):
-                target[part] = values
+            distance, triangle, u, v = self._run(origins[part], directions[part])
+            out.distance[part], out.triangle[part], out.u[part], out.v[part] = distance, triangle, u, v
 
         starts = range(0, n, CHUNK)
         if len(starts) <= 1:

@@ -33,7 +33,7 @@ def _inside(strips, first, edges, low, inverse_height, u, v):
     return inside
 
 
-def _height_field_kernel(powers):  # type: ignore[no-untyped-def]
+def _height_field_kernel(powers):
     """The height-field kernel for `powers` = degree + 1 in both directions.
 
     With `powers` a constant the two Horner loops unroll, and what is left of the loop over a block is straight-line code
@@ -144,7 +144,7 @@ _KERNELS = {powers: _height_field_kernel(powers) for powers in (6, 8, 10)}
 PADDED_POWERS = tuple(_KERNELS)
 
 
-def height_field_hits(powers, *arguments):  # type: ignore[no-untyped-def]
+def height_field_hits(powers, *arguments):
     """Newton on f(t) = o_z + t·d_z − z(o_x + t·d_x, o_y + t·d_y) from the plane above the sheet, BLOCK rays at once.
 
     For a convex sheet f is convex along the ray, so the steps from above run down to the first hit and cannot pass it.
@@ -296,13 +296,27 @@ def parametric_hits(knots_u, knots_v, degree_u, degree_v, homogeneous, size,
         state[n] = HIT
 
 
-@njit(cache=True, parallel=True)
-def reflect_directions(directions, normals, status, reflected):
-    """r = d − 2(d·n)n where the status is 0; NaN elsewhere."""
-    for n in prange(directions.shape[0]):
+@njit(cache=True, parallel=True, error_model="numpy")
+def unit_directions(rays, units, valid):
+    """Rays (n, 3) of any length to unit length; rays that are zero or not finite become (0, 0, 1) and not valid."""
+    for n in prange(rays.shape[0]):
+        length = np.sqrt(rays[n, 0] ** 2 + rays[n, 1] ** 2 + rays[n, 2] ** 2)
+        valid[n] = length > 0.0 and length < np.inf
+        if valid[n]:
+            units[n, 0], units[n, 1], units[n, 2] = rays[n, 0] / length, rays[n, 1] / length, rays[n, 2] / length
+        else:
+            units[n, 0], units[n, 1], units[n, 2] = 0.0, 0.0, 1.0
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def finish(units, status, points, normals, reflected, distances):
+    """r = d − 2(d·n)n where the status is 0; NaN in every result elsewhere."""
+    for n in prange(units.shape[0]):
         if status[n] != 0:
-            reflected[n, 0] = reflected[n, 1] = reflected[n, 2] = np.nan
+            for c in range(3):
+                points[n, c] = normals[n, c] = reflected[n, c] = np.nan
+            distances[n] = np.nan
             continue
-        dot = (directions[n, 0] * normals[n, 0] + directions[n, 1] * normals[n, 1] + directions[n, 2] * normals[n, 2])
+        dot = units[n, 0] * normals[n, 0] + units[n, 1] * normals[n, 1] + units[n, 2] * normals[n, 2]
         for c in range(3):
-            reflected[n, c] = directions[n, c] - 2.0 * dot * normals[n, c]
+            reflected[n, c] = units[n, c] - 2.0 * dot * normals[n, c]

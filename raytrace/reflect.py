@@ -72,16 +72,9 @@ def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out
         _trace_mesh(reflector, eye, rays, out)
     else:
         _trace_surfaces(reflector, eye, rays, out)
-    if reflector.obstacle_scene is not None:
-        ahead = reflector.obstacle_scene.first_hits(eye, rays).distance
-        reached = np.where(out.status == Status.MISSED, np.inf, out.distances)
-        out.status[ahead < reached - OBSTACLE_MARGIN_MM] = Status.BLOCKED
+    _mark_blocked(reflector, eye, rays, out)
     out.status[~valid] = Status.INVALID
-    newton.reflect_directions(rays, out.normals, out.status, out.directions)
-    lost = out.status != Status.REFLECTED
-    out.points[lost] = np.nan
-    out.normals[lost] = np.nan
-    out.distances[lost] = np.nan
+    newton.finish(rays, out.status, out.points, out.normals, out.directions, out.distances)
     return out
 
 
@@ -94,14 +87,27 @@ def _checked(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array, N
     if eye.shape not in ((3,), rays.shape):
         raise TraceError(f"origins must be of shape (3,) or {rays.shape} like the directions, not {eye.shape}")
     eye = eye.reshape(-1, 3)
-    length = np.sqrt(np.einsum("ij,ij->i", rays, rays))
-    valid = np.isfinite(length) & (length > 0.0) & np.isfinite(eye).all(axis=1)
-    if valid.all():
-        # Rays that are of unit length to rounding stay as they are.
-        return eye, rays if np.abs(length - 1.0).max() < 1e-15 else rays / length[:, None], valid
-    rays = np.where(valid[:, None], rays, [0.0, 0.0, 1.0])
-    rays /= np.linalg.norm(rays, axis=1)[:, None]
-    return np.where(np.isfinite(eye), eye, 0.0), rays, valid
+    units, valid = np.empty(rays.shape), np.empty(len(rays), dtype=np.bool_)
+    newton.unit_directions(rays, units, valid)
+    finite = np.asarray(np.isfinite(eye).all(axis=1))
+    if not finite.all():
+        valid &= finite
+        eye = np.where(finite[:, None], eye, 0.0)
+    return eye, units, valid
+
+
+def _mark_blocked(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
+    """Give the status `blocked` to rays that meet an obstacle before what they reflect from, or instead of it."""
+    if reflector.obstacle_scene is None:
+        return
+    # What stands behind a height field cannot be in front of a place that was reached from above.
+    skipped = [Status.LOST, Status.REFLECTED] if reflector.obstacles_behind else [Status.LOST]
+    asked = np.flatnonzero(~np.isin(out.status, skipped))
+    if asked.size == 0:
+        return
+    ahead = reflector.obstacle_scene.first_hits(eye if len(eye) == 1 else eye[asked], rays[asked]).distance
+    reached = np.where(out.status[asked] == Status.MISSED, np.inf, out.distances[asked])
+    out.status[asked[ahead < reached - OBSTACLE_MARGIN_MM]] = Status.BLOCKED
 
 
 def _trace_surfaces(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
@@ -112,8 +118,9 @@ def _trace_surfaces(reflector: Reflector, eye: Array, rays: Array, out: Trace) -
     field = only.height_field if only is not None else None
     if only is not None and field is not None:
         state = np.empty(len(rays), dtype=np.int64)
-        newton.height_field_hits(field.powers, field.coefficients, field.ends_x, field.ends_y, field.lookup_x, field.lookup_y, field.top, *only.strips,
-                                 eye, rays, state, out.points, out.normals, out.distances)
+        newton.height_field_hits(  # type: ignore[no-untyped-call]
+            field.powers, field.coefficients, field.ends_x, field.ends_y, field.lookup_x, field.lookup_y, field.top,
+            *only.strips, eye, rays, state, out.points, out.normals, out.distances)
         out.status[state == newton.HIT] = Status.REFLECTED
         waiting = np.flatnonzero(state == newton.LOST)
     # Rays start again just behind every place that turned out to be trimmed away.
@@ -150,7 +157,8 @@ def _cross_once(reflector: Reflector, eye: Array, rays: Array, passed: Array, wa
     return np.concatenate(again) if again else np.empty(0, dtype=np.intp)
 
 
-def _refine(surface: TrimmedSurface, eye: Array, rays: Array, start_uv: Array, index: NDArray[np.intp], out: Trace) -> NDArray[np.int64]:
+def _refine(surface: TrimmedSurface, eye: Array, rays: Array, start_uv: Array, index: NDArray[np.intp],
+            out: Trace) -> NDArray[np.int64]:
     """Newton from the starts; hits are written to out at index, with their status."""
     record = surface.surface
     weights = np.ones(record.poles.shape[:2]) if record.weights is None else record.weights

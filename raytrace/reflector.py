@@ -180,6 +180,18 @@ class Reflector:
         """The obstacles in Embree."""
         return TriangleScene(self.obstacles.vertices, self.obstacles.faces) if self.obstacles is not None else None
 
+    @cached_property
+    def obstacles_behind(self) -> bool:
+        """Whether every obstacle lies under a single height field, in its column and no higher than its mesh error."""
+        field = self.surfaces[0].height_field if len(self.surfaces) == 1 else None
+        if field is None or self.obstacles is None:
+            return False
+        x, y, z = self.obstacles.vertices.T
+        u_min, u_max, v_min, v_max = self.surfaces[0].surface.domain
+        if x.min() < u_min or x.max() > u_max or y.min() < v_min or y.max() > v_max:
+            return False
+        return bool((z <= self.surfaces[0].surface.evaluate(x, y)[:, 2] + OBSTACLE_DEFLECTION_MM).all())
+
 
 def load_reflector(path: str | Path) -> Reflector:
     """Read a reflector from a STEP file (.step, .stp) or an STL mesh (.stl).

@@ -22,7 +22,7 @@ from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 
 from mirror_cad.bspline import BSplineSurface
-from mirror_cad.errors import FileError
+from mirror_cad.errors import FileError, WriteError
 from mirror_cad.occt.convert import face_as_bspline
 from mirror_cad.occt.solid import faces_of
 
@@ -55,7 +55,7 @@ class StepFace:
 def write_step(path: Path, parts: list[Part], title: str) -> None:
     """Write parts as one AP242 file in mm. The header's time follows SOURCE_DATE_EPOCH.
 
-    Raises: FileError where the kernel cannot write it.
+    Raises: WriteError where the kernel cannot write it.
     """
     _silence()
     document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
@@ -74,17 +74,17 @@ def write_step(path: Path, parts: list[Part], title: str) -> None:
     STEPCAFControl_Controller.Init_s()
     for key, value in (("write.step.schema", "AP242DIS"), ("write.step.unit", "MM")):
         if not Interface_Static.SetCVal_s(key, value):
-            raise FileError(f"the kernel does not take {key} = {value}")
+            raise WriteError(f"the kernel does not take {key} = {value}")
     if not Interface_Static.SetIVal_s("write.stepcaf.subshapes.name", 1):
-        raise FileError("the kernel does not take write.stepcaf.subshapes.name")
+        raise WriteError("the kernel does not take write.stepcaf.subshapes.name")
     writer = STEPCAFControl_Writer()
     writer.SetColorMode(True)
     writer.SetNameMode(True)
     if not writer.Transfer(document, STEPControl_AsIs):
-        raise FileError(f"{path}: the kernel cannot turn the shapes into STEP")
+        raise WriteError(f"{path}: the kernel cannot turn the shapes into STEP")
     _write_header(writer, title)
     if writer.Write(str(path)) != IFSelect_RetDone:
-        raise FileError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
+        raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
 
 def read_step_faces(path: Path) -> list[StepFace]:

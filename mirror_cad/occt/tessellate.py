@@ -14,7 +14,7 @@ from OCP.StlAPI import StlAPI_Writer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from mirror_cad.errors import FileError
+from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mesh import SurfaceMesh
 
 # The chordal deflection alone decides: an angular limit this wide never adds a triangle on a mirror.
@@ -51,12 +51,12 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
 
 
 def write_stl(path: Path, shape: TopoDS_Shape, deflection_mm: float) -> None:
-    """Write a shape as binary STL with an absolute deflection. Raises: FileError where it cannot be written."""
+    """Write a shape as binary STL with an absolute deflection. Raises: WriteError where it cannot be written."""
     triangulate(shape, deflection_mm)
     writer = StlAPI_Writer()
     writer.ASCIIMode = False
     if not writer.Write(shape, str(path)):
-        raise FileError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
+        raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
 
 def read_stl(path: Path) -> SurfaceMesh:

@@ -1,0 +1,123 @@
+"""The command line: `mirror-cad …`. Nothing heavy is imported before a command runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+
+DONE, FAILED, BAD_INPUT, MISSED = 0, 1, 2, 3
+
+app = App(
+    name="mirror-cad",
+    help="Design freeform mirrors on a CAD kernel and see, before anything is made, what they show.",
+    version_flags=["--version"],
+    help_format="plaintext",  # markdown would double the time to start
+    result_action="return_value",
+)
+
+Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; replaced as a whole.")]
+Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the metrics as JSON to the standard output.")]
+
+
+@app.command
+def build(spec: str, /, *, out: Out = None, json: Json = False) -> int:
+    """Build one mirror: STEP, STL, points, outline, deviation, driver's view and report.
+
+    Parameters
+    ----------
+    spec
+        A TOML file, or the name of a preset (progressive-a, sphere-950, …).
+    """
+    from mirror_cad.spec_file import load_spec
+    from mirror_studio.progress import Progress
+
+    loaded = load_spec(spec)
+    from mirror_studio.pipeline import build as run
+
+    built = run(loaded, out or Path("exports") / loaded.name, Progress())
+    return _finish(built.metrics, built.missed, json)
+
+
+@app.command
+def paper(*, out: Out = None, json: Json = False) -> int:
+    """Reproduce the paper: six mirrors, figures 5 and 6, table 1 and a page of it all (default: exports/paper)."""
+    from mirror_studio.paper import build_paper
+    from mirror_studio.progress import Progress
+
+    table, missed = build_paper(out or Path("exports/paper"), Progress())
+    return _finish(table, missed, json)
+
+
+@app.command
+def trace(file: Path, /, *, scene: str | None = None, out: Out = None, json: Json = False) -> int:
+    """Trace what the driver sees in a STEP face or an STL mesh.
+
+    Parameters
+    ----------
+    file
+        A .step, .stp or .stl file in mirror coordinates, mm.
+    scene
+        A specification or preset that lends [eye], [scene] and [view]; the defaults without it.
+    """
+    from mirror_cad.spec_file import load_spec
+    from mirror_studio.progress import Progress
+
+    lent = load_spec(scene or "progressive-c")
+    from mirror_studio.pipeline import trace_file
+
+    metrics = trace_file(file, lent, out or Path("exports") / f"{file.stem}-trace", Progress())
+    return _finish(metrics, (), json)
+
+
+def _finish(metrics: dict[str, Any], missed: tuple[str, ...], as_json: bool) -> int:
+    if as_json:
+        print(json.dumps(metrics, indent=2, ensure_ascii=False))
+    for text in missed:
+        print(f"mirror-cad: missed: {text}", file=sys.stderr)
+    return MISSED if missed else DONE
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command and leave with its exit code: 0 done, 2 bad input, 3 done but something asked for is missed, 1 else."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run a command; returns its exit code."""
+    try:
+        result = app(arguments, print_error=False, exit_on_error=False)
+        return result if isinstance(result, int) else DONE
+    except CycloptsError as error:
+        print(f"mirror-cad: {' '.join(str(error).split())}\n`mirror-cad --help` lists commands and options.", file=sys.stderr)
+        return BAD_INPUT
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except KeyboardInterrupt:
+        print("mirror-cad: stopped; nothing was changed", file=sys.stderr)
+        return FAILED
+    except ImportError as error:
+        print(f"mirror-cad: a part of the installation cannot be loaded: {error}", file=sys.stderr)
+        return FAILED
+    except Exception as error:
+        return _report(error)
+
+
+def _report(error: Exception) -> int:
+    """Say what went wrong without a traceback; MIRROR_CAD_TRACEBACK=1 shows it."""
+    from mirror_cad.errors import MirrorError, WriteError
+
+    if os.environ.get("MIRROR_CAD_TRACEBACK"):
+        raise error
+    if not isinstance(error, MirrorError):
+        print(f"mirror-cad: internal error: {type(error).__name__}: {error}\nPlease report it; MIRROR_CAD_TRACEBACK=1 shows "
+              "where it arose.", file=sys.stderr)
+        return FAILED
+    for line in str(error).splitlines():
+        print(f"mirror-cad: {line}", file=sys.stderr)
+    return FAILED if isinstance(error, WriteError) else BAD_INPUT

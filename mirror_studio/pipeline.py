@@ -1,0 +1,283 @@
+"""A specification in, the files of one mirror out: designed, exported, read back, checked, traced and reported."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.errors import WriteError
+from mirror_cad.mirror import Mirror, design
+from mirror_cad.occt.tessellate import read_stl
+from mirror_cad.outline_files import write_dxf
+from mirror_cad.spec import MirrorSpec
+from mirror_studio import checks
+from mirror_studio.folder import MANIFEST, new_set
+from mirror_studio.progress import Progress
+from raytrace.eye import eye_position
+from raytrace.image import Frame, driver_view, landing_points
+from raytrace.measures.field_of_view import traced_fields_of_view
+from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane_image import lane_straightness_in_picture
+from raytrace.reflect import Status, reflect
+from raytrace.reflector import Reflector, load_reflector
+from raytrace.scene.reference import Picture, ReferencePlane, load_picture
+
+Array = NDArray[np.float64]
+
+# Rays for the comparison of STL and STEP: about one a square millimetre of mirror.
+COMPARISON_GRID = (241, 353)
+PACKAGES = ("mirror-cad", "cadquery-ocp", "build123d", "cadquery", "numpy", "scipy", "numba", "embreex", "vtk", "pyvista")
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """What a build leaves in memory: the mirror, its deviation, the metrics and whether everything asked for is met."""
+
+    mirror: Mirror
+    deviation: CurvatureDeviation
+    metrics: dict[str, Any]
+    missed: tuple[str, ...]
+
+
+def build(spec: MirrorSpec, out: Path, progress: Progress) -> Built:
+    """Make the files of one mirror in `out`, which is replaced as a whole. Raises: MirrorError, with nothing written."""
+    with new_set(out) as folder:
+        built = build_into(folder, spec, progress)
+    progress.step(f"{spec.name}: done, in {out}")
+    return built
+
+
+def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
+    """Make the files of one mirror in an existing empty folder."""
+    name = spec.name
+    picture = load_picture(spec.scene.image)
+    progress.step(f"{name}: designing")
+    mirror = design(spec)
+    for note in mirror.notes:
+        progress.step(f"{name}: note: {note}")
+    eye = eye_position(spec.eye.distance_mm, spec.eye.aligned, mirror.box)
+    step, stl = folder / f"{name}.step", folder / f"{name}.stl"
+    progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
+    points = mirror.grid_points()
+    mirror.export_step(step)
+    mirror.export_surface_step(folder / f"{name}-surface.step")
+    mirror.export_stl(stl)
+    write_points(folder / f"{name}-points.csv", points)
+    write_dxf(mirror.outline, folder / "outline.dxf")
+    read_back, files = checks.check_step(step, mirror)
+    files |= checks.check_surface_step(folder / f"{name}-surface.step", mirror)
+    files |= checks.check_outline(folder / "outline.dxf", mirror)
+    files |= checks.check_points(folder / f"{name}-points.csv", points)
+
+    progress.step(f"{name}: curvature deviation")
+    deviation = mirror.deviation(read_back, read_stl(stl))
+    progress.step(f"{name}: tracing the driver's view")
+    scene = ReferencePlane(picture, float(eye[2]) + spec.scene.distance_mm, spec.scene.width_mm, spec.scene.centre_mm)
+    frame = Frame.around(mirror.box, spec.view.width_px)
+    reflector = load_reflector(step)
+    view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+    view_png = write_png(folder / "driver-view.png", view)
+    lane = StraightLane(spec.scene.lane.x0_mm, spec.scene.lane.y0_mm, spec.scene.lane.slope, scene.z_mm)
+    section = mirror.section_fields_of_view()
+    traced = traced_fields_of_view(read_back, eye, mirror.box, mirror.left_height_mm)
+    metrics = {
+        "h_fov_deg": {"section": math.degrees(section[0]), "traced": math.degrees(traced[0])},
+        "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": math.degrees(traced[1])},
+        "lane_straightness_percent": {
+            "traced": lane_straightness(read_back, eye, lane, mirror.box),
+            "image": lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)},
+        "stl_on_plane_mm": difference_on_plane(load_reflector(stl), reflector, eye, scene.z_mm, mirror.box),
+        "rays": rays,
+        "eye_mm": [float(value) for value in eye],
+        "plate": {"area_mm2": mirror.plate.area_mm2, "volume_mm3": mirror.plate.volume_mm3,
+                  "back_error_mm": mirror.plate.back_error_mm},
+        "files": files,
+    }
+    progress.step(f"{name}: report")
+    write_json(folder / "metrics.json", metrics)
+    write_json(folder / "deviation.json", deviation.as_json())
+    manifest = _manifest(mirror)
+    manifest["files"] = hashes(folder)
+    from mirror_studio.report.page import write_report
+
+    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png)
+    manifest["files"] = hashes(folder)
+    write_json(folder / MANIFEST, manifest)
+    return Built(mirror, deviation, metrics, _missed(mirror, deviation))
+
+
+def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> dict[str, Any]:
+    """Trace a STEP or STL file with the spec's eye, scene and view; returns what metrics.json holds."""
+    picture = load_picture(spec.scene.image)
+    progress.step(f"{path.name}: reading")
+    reflector = load_reflector(path)
+    box = _front_box(reflector)
+    eye = eye_position(spec.eye.distance_mm, spec.eye.aligned, box)
+    scene = ReferencePlane(picture, float(eye[2]) + spec.scene.distance_mm, spec.scene.width_mm, spec.scene.centre_mm)
+    frame = Frame.around(box, spec.view.width_px)
+    lane = StraightLane(spec.scene.lane.x0_mm, spec.scene.lane.y0_mm, spec.scene.lane.slope, scene.z_mm)
+    with new_set(out) as folder:
+        progress.step(f"{path.name}: tracing the driver's view")
+        view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+        write_png(folder / "driver-view.png", view)
+        metrics: dict[str, Any] = {
+            "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
+            "lane_straightness_percent": {
+                "traced": None, "image": lane_straightness_in_picture(view, frame, reflector, eye, box)},
+            "rays": rays, "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
+        sheet = reflector.surfaces[0].surface if len(reflector.surfaces) == 1 else None
+        if sheet is not None and reflector.surfaces[0].height_field is not None:
+            metrics["lane_straightness_percent"]["traced"] = lane_straightness(sheet, eye, lane, box)
+        write_json(folder / "metrics.json", metrics)
+        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec.model_dump(mode="json"),
+                    "versions": versions(), "files": hashes(folder)}
+        write_json(folder / MANIFEST, manifest)
+    progress.step(f"{path.name}: done, in {out}")
+    return metrics
+
+
+# --- measures that need two reflectors, or any ------------------------------------------------------------------------
+
+
+def difference_on_plane(a: Reflector, b: Reflector, eye: Array, z_mm: float, box: tuple[float, float, float, float],
+                        ) -> dict[str, Any]:
+    """How far apart the same rays land on the plane z = z_mm by two reflectors: largest and RMS, mm, and their count."""
+    x, y = np.meshgrid(np.linspace(box[0], box[1], COMPARISON_GRID[0]), np.linspace(box[2], box[3], COMPARISON_GRID[1]))
+    directions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - eye
+    traces = [reflect(reflector, eye, directions) for reflector in (a, b)]
+    both = (traces[0].status == Status.REFLECTED) & (traces[1].status == Status.REFLECTED)
+    apart = np.linalg.norm(landing_points(traces[0], z_mm)[both] - landing_points(traces[1], z_mm)[both], axis=1)
+    apart = apart[np.isfinite(apart)]
+    if apart.size == 0:
+        return {"max": None, "rms": None, "rays": 0}
+    return {"max": float(apart.max()), "rms": float(np.sqrt(np.mean(apart**2))), "rays": int(apart.size)}
+
+
+def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float | None:
+    """Angle between the first and the last ray reflected along the row y = 0 of the picture plane, degrees."""
+    from raytrace.image import rays_through
+    from raytrace.measures.field_of_view import angle_between
+
+    columns = np.linspace(0.0, frame.columns, 20_001)
+    rows = np.full_like(columns, frame.top / frame.pixel)
+    trace = reflect(reflector, eye, rays_through(frame, eye, columns, rows))
+    seen = np.flatnonzero(trace.status == Status.REFLECTED)
+    if seen.size < 2:
+        return None
+    return math.degrees(angle_between(trace.directions[seen[0]], trace.directions[seen[-1]]))
+
+
+def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
+    """(x_min, x_max, y_min, y_max) of what reflects."""
+    if reflector.mesh is not None:
+        points = reflector.mesh.vertices
+    else:
+        points = np.concatenate([surface.surface.evaluate(*np.clip(loop, *_corners(surface.surface.domain)).T)
+                                 for surface in reflector.surfaces for loop in surface.loops])
+    (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
+    return float(x_min), float(x_max), float(y_min), float(y_max)
+
+
+def _corners(domain: tuple[float, float, float, float]) -> tuple[Array, Array]:
+    return np.array([domain[0], domain[2]]), np.array([domain[1], domain[3]])
+
+
+def _missed(mirror: Mirror, deviation: CurvatureDeviation) -> tuple[str, ...]:
+    """What was asked for and is not met, in words."""
+    surface, missed = mirror.spec.surface, []
+    if not deviation.numerical:
+        worst = max(("integration", "fit", "step"), key=lambda stage: max(
+            abs(deviation.stages[stage][key] or 0.0) for key in ("k1_max_percent", "k2_max_percent")))
+        entry = deviation.stages[worst]
+        reached = max(abs(entry[key] or 0.0) for key in ("k1_max_percent", "k2_max_percent"))
+        missed.append(f"the {worst} stage reaches {reached:.3g} % of curvature and {abs(entry['sag_max_mm']):.3g} mm, the "
+                      f"tolerances are {surface.curvature_tolerance_percent:g} % and {surface.position_tolerance_mm:g} mm")
+    if deviation.part is False:
+        total = deviation.total
+        key = max(("k1", "k2"), key=lambda k: abs(total[f"{k}_max_percent"]))
+        at = total[f"{key}_max_at_mm"]
+        missed.append(f"the part's {key} is {total[f'{key}_max_percent']:+.2f} % off at ({at[0]:.1f}, {at[1]:.1f}) mm, the limit "
+                      f"is {mirror.spec.limits.curvature_percent:g} %")
+    return tuple(missed)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def _manifest(mirror: Mirror) -> dict[str, Any]:
+    spec, fit = mirror.spec, mirror.fit
+    return {
+        "schema": 1,
+        "spec": spec.model_dump(mode="json", exclude_none=True),
+        "versions": versions(),
+        "tolerances": {"position_mm": spec.surface.position_tolerance_mm,
+                       "curvature_percent": spec.surface.curvature_tolerance_percent,
+                       "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": checks.SAME_MM},
+        "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans), "seconds": round(fit.seconds, 4),
+                "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
+                "met": fit.met},
+        "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
+        "notes": list(mirror.notes),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that made a set."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def write_points(path: Path, points: Array) -> None:
+    """x, y, z in mm and the unit normal, one row a point."""
+    with path.open("w", encoding="utf-8") as stream:
+        stream.write("x_mm,y_mm,z_mm,nx,ny,nz\n")
+        np.savetxt(stream, points, fmt="%.12g", delimiter=",")
+
+
+def write_png(path: Path, picture: Picture) -> bytes:
+    """Write a picture as PNG; returns the bytes written. Raises: WriteError where they decode differently."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, format="PNG", compress_level=4)
+    path.write_bytes(buffer.getvalue())
+    with Image.open(path) as read:
+        if not np.array_equal(np.asarray(read), picture):
+            raise WriteError(f"{path.name}: the picture reads back different from what was written")
+    return buffer.getvalue()
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON without NaN. Raises: WriteError where a figure is not finite or the file reads back different."""
+    try:
+        text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+    except ValueError:
+        raise WriteError(f"{path.name}: a figure is not finite") from None
+    path.write_text(text + "\n", encoding="utf-8")
+    if json.loads(path.read_text("utf-8")) != json.loads(text):
+        raise WriteError(f"{path.name}: reads back different from what was written")
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder, by its path in it."""
+    return {str(path.relative_to(folder)): _sha256(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+

@@ -1,0 +1,147 @@
+"""Numbers and specification sections in, text a reader can read out; and the templates that text goes into."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+MISSING = "—"
+NARROW_SPACE = "\u202f"
+CLOSE_UNITS = ("°", "″")
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# Outside this range a number is written with a power of ten.
+SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e7
+
+
+def number(value: Any, digits: int = 3, sign: bool = False) -> str:
+    """A value to `digits` significant digits: 0.0123, −4.64, 68 985, 4.9·10⁻⁸; a dash where there is none."""
+    if value is None or isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        return MISSING
+    before = "−" if value < 0 else "+" if sign and value > 0 else ""
+    size = abs(float(value))
+    if math.isinf(size):
+        return before + "∞"
+    if size == 0.0:
+        return "0"
+    rounded = float(f"{size:.{digits - 1}e}")
+    exponent = math.floor(math.log10(rounded))
+    if SMALLEST_PLAIN <= rounded < LARGEST_PLAIN:
+        return before + _grouped(size, max(0, digits - 1 - exponent))
+    mantissa, power = f"{size:.1e}".split("e")
+    return f"{before}{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}"
+
+
+def fixed(value: Any, decimals: int, sign: bool = False) -> str:
+    """A value to so many decimals: 44.82; a dash where there is none."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        return MISSING
+    text = _grouped(abs(value), decimals)
+    zero = not text.strip("0.")
+    return ("" if zero else "−" if value < 0 else "+" if sign else "") + text
+
+
+def with_unit(value: Any, unit: str, digits: int = 3, sign: bool = False) -> str:
+    """`number` with its unit, which a missing value does without."""
+    return _joined(number(value, digits, sign), unit)
+
+
+def fixed_with_unit(value: Any, unit: str, decimals: int) -> str:
+    """`fixed` with its unit, which a missing value does without."""
+    return _joined(fixed(value, decimals), unit)
+
+
+def given(value: float, unit: str) -> str:
+    """A value that somebody asked for, in the digits it was asked in: 3 %, 0.01 %, 10⁻⁵ mm."""
+    mantissa, power = f"{value:.6e}".split("e")
+    if SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN:
+        return _joined(plain(value), unit)
+    factor = mantissa.rstrip("0").rstrip(".")
+    return _joined(f"{'' if factor == '1' else factor + '·'}10{str(int(power)).translate(SUPERSCRIPT)}", unit)
+
+
+def count(value: Any) -> str:
+    """A whole number in groups of three: 15 000 000; a dash where there is none."""
+    return MISSING if value is None else _grouped(float(value), 0)
+
+
+def place(xy: Sequence[float] | None) -> str:
+    """A place on the mirror: “x 88, y −161”, in mm."""
+    return MISSING if xy is None else f"x{NARROW_SPACE}{fixed(xy[0], 0)}, y{NARROW_SPACE}{fixed(xy[1], 0)}"
+
+
+def plain(value: float) -> str:
+    """A number as its writer gave it: 1250, 0.5, −2000."""
+    return f"{value:.10g}".replace("-", "−")
+
+
+def law_in_words(section: Mapping[str, Any], solved: float | None = None) -> str:
+    """A curvature law of a specification: “950 mm”, “1250 mm at the right, 400 mm at the left …”.
+
+    `solved` is the value that was found for a key that is "match".
+    """
+    law = section.get("law")
+    if law == "constant":
+        return _radius(section.get("radius_mm"))
+    if law == "table":
+        rows = len(section.get("x_mm") or ())
+        return f"table of {rows} rows" if rows else "table"
+    if law == "expression":
+        of = "radius" if section.get("radius") is not None else "curvature"
+        return f"{of} = {section.get(of)}"
+    words = f"{_radius(section.get('right_mm'))} at the right, {_radius(section.get('left_mm'))} at the left, "
+    if law == "power":
+        return f"{words}as t to the power {_solved(section.get('exponent'), solved)}"
+    if law == "zones":
+        return (f"{words}{section.get('blend')} blend from t = {_solved(section.get('blend_from'), solved)} "
+                f"to {plain(section.get('blend_to', 1.0))}")
+    return f"{words}linear between"
+
+
+def law_in_short(section: Mapping[str, Any]) -> str:
+    """The same for a table's cell: “950 mm”, “1250 → 400 mm, zones”, from right to left."""
+    if "right_mm" not in section:
+        return law_in_words(section)
+    return f"{plain(section['right_mm'])} → {plain(section['left_mm'])} mm, {section['law']}"
+
+
+def lane_in_words(lane: Mapping[str, float]) -> str:
+    """The lane of a specification's scene: “Y = 2400 + 0.6·X”."""
+    offset, slope = lane["x0_mm"], lane["slope"]
+    across = "X" if offset == 0.0 else f"(X {'−' if offset > 0 else '+'} {plain(abs(offset))})"
+    return f"Y = {plain(lane['y0_mm'])} {'−' if slope < 0 else '+'} {plain(abs(slope))}·{across}"
+
+
+@cache
+def templates() -> Environment:
+    """The page templates, with the functions above as filters. User text is escaped."""
+    environment = Environment(loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=True,
+                              undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"number": number, "with_unit": with_unit, "count": count, "given": given}
+    return environment
+
+
+def _joined(text: str, unit: str) -> str:
+    if text == MISSING:
+        return text
+    return text + unit if unit in CLOSE_UNITS else f"{text}{NARROW_SPACE}{unit}"
+
+
+def _grouped(size: float, decimals: int) -> str:
+    text = f"{size:,.{decimals}f}"
+    # Four digits before the point read well without a gap, and a radius in mm has four.
+    return text.replace(",", "" if size < 9999.5 else NARROW_SPACE)
+
+
+def _radius(radius_mm: Any) -> str:
+    if not isinstance(radius_mm, int | float) or math.isinf(radius_mm):
+        return "flat"
+    return f"{plain(radius_mm)} mm{' (concave)' if radius_mm < 0 else ''}"
+
+
+def _solved(value: Any, solved: float | None) -> str:
+    return plain(value) if isinstance(value, int | float) else f"{number(solved, 4)} (solved for)"

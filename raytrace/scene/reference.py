@@ -1,0 +1,115 @@
+"""The paper's scene: a picture of the road, standing as a plane behind the driver."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from raytrace.errors import SceneError
+from raytrace.reflect import Trace
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+# Larger pictures hold more than any mirror shows, and would fill the memory when decoded.
+MOST_PIXELS = 120_000_000
+BUILT_IN = "road"
+# What lies beside the picture: dark, so that the mirror keeps its outline where it sees farther than the picture reaches.
+BESIDE = np.array([52.0, 54.0, 58.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReferencePlane:
+    """A picture on the plane z = z_mm, as a rear-facing camera took it: top up, its right edge at −X.
+
+    picture (h, w, 3) uint8, kept as it is: linear interpolation, reflectance 1, no tone mapping.
+    width_mm across, about centre_mm (X, Y); square picture elements.
+    """
+
+    picture: Picture
+    z_mm: float
+    width_mm: float
+    centre_mm: tuple[float, float]
+
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(X_min, X_max, Y_min, Y_max), mm."""
+        half_height = 0.5 * self.width_mm * self.picture.shape[0] / self.picture.shape[1]
+        x, y = self.centre_mm
+        return x - 0.5 * self.width_mm, x + 0.5 * self.width_mm, y - half_height, y + half_height
+
+    def add_colours(self, trace: Trace, background: Array, sums: Array,
+                    samples: int) -> None:
+        """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
+
+        Rays that are not reflected see the background (3,), rays that land beside the picture BESIDE.
+        """
+        _, x_max, _, y_max = self.bounds()
+        _add_colours(trace.status, trace.points, trace.directions, self.picture, self.z_mm, x_max, y_max,
+                     self.picture.shape[1] / self.width_mm, background, BESIDE, sums, samples)
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _add_colours(status, points, directions, picture, z, x_max, y_max, per_mm, background, beside,
+                 sums, samples):
+    rows, columns = picture.shape[0], picture.shape[1]
+    for pixel in prange(sums.shape[0]):
+        for k in range(samples):
+            n = np.int64(pixel) * samples + k
+            seen = False
+            plain = background
+            if status[n] == 0:
+                plain = beside
+            if status[n] == 0 and directions[n, 2] != 0.0:
+                t = (z - points[n, 2]) / directions[n, 2]
+                # Picture coordinates in elements from the left and the top; the left is at the largest X.
+                column = (x_max - points[n, 0] - t * directions[n, 0]) * per_mm - 0.5
+                row = (y_max - points[n, 1] - t * directions[n, 1]) * per_mm - 0.5
+                seen = t > 0.0 and -0.5 <= column <= columns - 0.5 and -0.5 <= row <= rows - 0.5
+            if not seen:
+                for c in range(3):
+                    sums[pixel, c] += plain[c]
+                continue
+            column = min(max(column, 0.0), columns - 1.0)
+            row = min(max(row, 0.0), rows - 1.0)
+            i, j = min(int(row), max(rows - 2, 0)), min(int(column), max(columns - 2, 0))
+            below, right = min(i + 1, rows - 1), min(j + 1, columns - 1)
+            a, b = row - i, column - j
+            for c in range(3):
+                upper = (1.0 - b) * picture[i, j, c] + b * picture[i, right, c]
+                lower = (1.0 - b) * picture[below, j, c] + b * picture[below, right, c]
+                sums[pixel, c] += (1.0 - a) * upper + a * lower
+
+
+def load_picture(image: str | Path) -> Picture:
+    """Decode the built-in picture ("road") or a picture file to (h, w, 3) uint8.
+
+    Raises: SceneError for a file that is missing, no picture, damaged, or larger than MOST_PIXELS (before decoding).
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    path: Any = resources.files("raytrace") / "scene" / "assets" / "road.jpg" if image == BUILT_IN else Path(image)
+    try:
+        with path.open("rb") as stream, warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(stream)
+            width, height = picture.size
+            if width * height > MOST_PIXELS:
+                raise SceneError(f"{image}: {width} × {height} elements are too many (at most {MOST_PIXELS // 10**6} million "
+                                 "are read): scale the picture down")
+            return np.asarray(picture.convert("RGB"), dtype=np.uint8)
+    except FileNotFoundError:
+        raise SceneError(f"{image}: no such picture (scene.image is \"road\" or a picture file)") from None
+    except Image.DecompressionBombError:
+        raise SceneError(f"{image}: too many elements (at most {MOST_PIXELS // 10**6} million are read): scale the picture "
+                         "down") from None
+    except UnidentifiedImageError:
+        raise SceneError(f"{image}: not a picture in a format that is read (PNG, JPEG, TIFF, WebP, BMP …)") from None
+    except (OSError, SyntaxError, ValueError) as error:
+        raise SceneError(f"{image}: the picture cannot be read: {error}") from None

@@ -1,0 +1,86 @@
+#!/usr/bin/env python3
+"""Set up mirror-cad in .venv and run it. Needs Python 3.11 or 3.12 with pip, and nothing else.
+
+    python3.11 run.py paper           reproduce the paper into exports/paper
+    python3.11 run.py COMMAND …       any other mirror-cad command (--help lists them)
+    python3.11 run.py test [--long]   lint, types, import rules and tests
+
+The first run installs the locked versions, checked by their hashes; later ones only see that nothing has changed.
+"""
+
+from __future__ import annotations
+
+import ctypes.util
+import hashlib
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+HOME = Path(__file__).resolve().parent
+VENV = HOME / ".venv"
+PYTHON = VENV / "bin" / "python"
+# What the CAD kernel, VTK and numba load from the system, and the Debian package that has it.
+SYSTEM_LIBRARIES = {
+    "GL": "libgl1", "X11": "libx11-6", "Xrender": "libxrender1", "expat": "libexpat1", "gomp": "libgomp1",
+}
+
+
+def main(arguments: list[str]) -> int:
+    if not (3, 11) <= sys.version_info[:2] < (3, 13):
+        return _stop(f"Python 3.11 or 3.12 is needed (this is {sys.version.split()[0]}): run  python3.11 run.py …")
+    if not arguments:
+        print(__doc__)
+        return 2
+    testing = arguments[0] == "test"
+    if not _set_up("requirements-test.lock" if testing else "requirements.lock"):
+        return 1
+    if not testing:
+        return subprocess.call([PYTHON, "-m", "mirror_studio", *arguments])
+    return _test(arguments[1:])
+
+
+def _set_up(lock: str) -> bool:
+    """Install a lock file into .venv unless its stamp says that it, and pyproject.toml, are as they were."""
+    stamp = VENV / f"{lock}.stamp"
+    wanted = hashlib.sha256(b"".join((HOME / name).read_bytes() for name in (lock, "pyproject.toml"))).hexdigest()
+    if stamp.is_file() and stamp.read_text() == wanted:
+        return True
+    missing = [package for name, package in SYSTEM_LIBRARIES.items() if ctypes.util.find_library(name) is None]
+    if sys.platform == "linux" and missing:
+        _stop("the system lacks libraries that the CAD kernel loads; on Debian or Ubuntu:  apt-get install "
+              + " ".join(missing))
+        return False
+    if not PYTHON.exists():
+        print("Making the environment in .venv", file=sys.stderr)
+        venv.create(VENV, with_pip=True)
+    print(f"Installing the versions of {lock} (some 2 GB; about a minute, once)", file=sys.stderr, flush=True)
+    pip = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    steps = ([*pip, "--require-hashes", "-r", HOME / lock],
+             [*pip, "--no-deps", "--no-build-isolation", "--no-index", "-e", HOME])
+    for step in steps:
+        if subprocess.call(step) != 0:
+            _stop("the installation did not finish; the lines above say why. Run the same command again to go on")
+            return False
+    stamp.write_text(wanted)
+    return True
+
+
+def _test(arguments: list[str]) -> int:
+    """Lint, types and tests; every part runs, and the code is that of the first that failed."""
+    tests = [PYTHON, "-m", "pytest", *([] if "--long" in arguments else ["-m", "not long"]),
+             *(a for a in arguments if a != "--long")]
+    codes = []
+    for step in ([PYTHON, "-m", "ruff", "check", "."], [PYTHON, "-m", "mypy"], tests):
+        print(f"→ {' '.join(str(part) for part in step[2:])}", file=sys.stderr, flush=True)
+        codes.append(subprocess.call(step, cwd=HOME))
+    return next((code for code in codes if code), 0)
+
+
+def _stop(message: str) -> int:
+    print(f"run.py: {message}", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
