@@ -155,10 +155,10 @@ def eased_beyond(law: CurvatureLaw, x_min: float, x_max: float) -> CurvatureLaw:
     """The law as it is on [x_min, x_max], continued beyond without a kink: κ, κ′ and κ″ go on and level off.
 
     κ(e + d) = κ(e) + κ′·L·tanh(d/L) + κ″/2·(L·tanh(d/L))², with the one-sided derivatives at the edge e and L a
-    twentieth of the width. A vertical law needs this: its kink at the mirror's edge would be a crease in the surface
+    tenth of the width. A vertical law needs this: its kink at the mirror's edge would be a crease in the surface
     around the mirror, where a cutter still has to run (docs/decisions/0002-sheet-beyond-the-outline.md).
     """
-    length = 0.05 * (x_max - x_min)
+    length = 0.1 * (x_max - x_min)
     inside = law.series(x_min, x_max)
     first = inside.derivative()
     second = first.derivative()

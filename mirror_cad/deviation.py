@@ -122,7 +122,8 @@ def compare_stages(
 
     numerical = all(_within(results[name], position_tolerance_mm, curvature_tolerance_percent)
                     for name in ("integration", "fit", "step"))
-    part = None if limit_percent is None else _within(total, np.inf, limit_percent)
+    # A limit in percent says nothing of a plane.
+    part = None if limit_percent is None or rms == 0.0 else _within(total, np.inf, limit_percent)
     return CurvatureDeviation(grid, results, total, numerical, part, designed.shape, final.shape,
                               _percent_fields(final.shape, designed.shape, designed.shape, rms))
 
@@ -171,11 +172,11 @@ def _deviation(after: Stage, before: Stage, designed: ShapeOperator, rms: float,
     result: dict[str, Any] = {}
     for key, value in _differences(after.shape, before.shape).items():
         ranked = value if percent is None else percent[key]
-        worst = int(np.argmax(np.abs(ranked)))
+        worst = _place_of_largest(np.abs(ranked), grid)
         result[f"{key}_max_percent"] = None if percent is None else float(ranked[worst])
         result[f"{key}_rms_percent"] = None if percent is None else float(
             np.sqrt(np.average(ranked**2, weights=grid.weights)))
-        result[f"{key}_max_per_m"] = 1e3 * float(value[np.argmax(np.abs(value))])
+        result[f"{key}_max_per_m"] = 1e3 * float(value[_place_of_largest(np.abs(value), grid)])
         result[f"{key}_max_at_mm"] = [float(grid.x[worst]), float(grid.y[worst])]
     difference = ShapeOperator(*(a - b for a, b in zip(after.shape, before.shape, strict=True)))
     result["shape_rms_percent"] = None if rms == 0.0 else 100.0 * _rms_norm(difference, grid.weights) / rms
@@ -186,6 +187,12 @@ def _deviation(after: Stage, before: Stage, designed: ShapeOperator, rms: float,
         chord = np.linalg.norm(np.asarray(after.normal) - np.asarray(before.normal), axis=-1)
         result["slope_max_arcsec"] = float(2.0 * np.arcsin(0.5 * chord.max()) * ARCSEC)
     return result
+
+
+def _place_of_largest(size: Array, grid: Grid) -> int:
+    """Where a field is largest; of places that rounding alone tells apart (a mirror is symmetric in y) the upper one."""
+    ties = np.flatnonzero(size >= size.max() * (1.0 - 1e-6))
+    return int(ties[np.argmax(grid.y[ties])])
 
 
 def _within(entry: dict[str, Any], position_mm: float, percent: float) -> bool:

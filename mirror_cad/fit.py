@@ -21,8 +21,13 @@ PointSet = Callable[[Array, Array], Array]
 
 # Where a span is looked at: off the collocation sites, and close enough to its ends to see the end effects.
 INSIDE_SPAN = np.array([0.06, 0.29, 0.5, 0.71, 0.94])
+# Places a direction at which a finished fit is measured at least: where a curvature passes through zero, its percent has
+# a peak a few millimetres wide.
+DENSEST = 150
 # More soft breaks (a table's nodes) than this are left to the refinement: a knot at each would only slow it.
 MOST_SOFT_BREAKS = 64
+# Beyond the mirror the sheet may miss by ten times the tolerances: an error there reaches inside through the smooth knots.
+OUTSIDE_SHARE = 0.1
 MOST_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
 ROUNDS = 24
 DEGREE_FIRST, DEGREE_THEN = 5, 7  # "auto": quintic, and septic where quintic wants more than MANY_SPANS
@@ -170,18 +175,19 @@ def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str) -> Fit:
         if fit.met:
             break
         trials = []
-        for trial_x, trial_y in ((_halved(ends_x, _holding(ends_x, fit.worst_at_mm[0]), narrowest), ends_y),
-                                 (ends_x, _halved(ends_y, np.ones(len(ends_y) - 1, dtype=bool), narrowest))):
+        more_x = _halved(ends_x, _misses_by_span(task, surface, ends_x), narrowest)
+        more_y = _halved(ends_y, np.ones(len(ends_y) - 1, dtype=bool), narrowest)
+        for trial_x, trial_y in ((more_x, ends_y), (ends_x, more_y), (more_x, more_y)):
             if (len(trial_x), len(trial_y)) != (len(ends_x), len(ends_y)) and max(len(trial_x), len(trial_y)) <= MOST_SPANS:
-                surface = _on_spans(task, trial_x, trial_y, degree)
-                trial = measure(task, surface, "collocation", degree, (len(trial_x) - 1, len(trial_y) - 1))
+                trial = measure(task, _on_spans(task, trial_x, trial_y, degree), "collocation", degree,
+                                (len(trial_x) - 1, len(trial_y) - 1))
                 trials.append((_excess(task, trial), trial, trial_x, trial_y))
         if not trials:
             break
         excess, trial, trial_x, trial_y = min(trials, key=lambda entry: entry[0])
         if excess >= _excess(task, fit):
             break
-        fit, ends_x, ends_y = trial, trial_x, trial_y
+        fit, surface, ends_x, ends_y = trial, trial.surface, trial_x, trial_y
     return fit
 
 
@@ -194,10 +200,15 @@ def _excess(task: FitTask, fit: Fit) -> float:
                (fit.curvature_error_percent or 0.0) / task.curvature_tolerance_percent)
 
 
-def _holding(ends: Array, place: float) -> NDArray[np.bool_]:
-    """The span that holds a place, and its neighbours."""
-    span = int(np.clip(np.searchsorted(ends, place, side="right") - 1, 0, len(ends) - 2))
-    near: NDArray[np.bool_] = np.abs(np.arange(len(ends) - 1) - span) <= 1
+def _misses_by_span(task: FitTask, surface: BSplineSurface, ends_x: Array) -> NDArray[np.bool_]:
+    """The x spans in which a tolerance is missed, and their neighbours."""
+    x, _, position, percent = _errors(task, surface)
+    over = position > task.position_tolerance_mm
+    if percent is not None:
+        over |= percent > task.curvature_tolerance_percent
+    missed = np.zeros(len(ends_x) + 1, dtype=bool)
+    missed[np.searchsorted(ends_x, x[over.any(axis=1)], side="right")] = True
+    near: NDArray[np.bool_] = (missed[:-2] | missed[1:-1] | missed[2:])
     return near
 
 
@@ -222,7 +233,7 @@ def _directional_misses(task: FitTask, surface: BSplineSurface, ends: Array, dir
     if direction == "x":
         y = greville_abscissae(surface.knots_v, surface.degree_v)
         y = y[(y >= y_min) & (y <= y_max)]
-        x = np.clip(inside, x_min, x_max)
+        x = inside
     else:
         x = greville_abscissae(surface.knots_u, surface.degree_u)
         x = x[(x >= x_min) & (x <= x_max)]
@@ -236,6 +247,8 @@ def _directional_misses(task: FitTask, surface: BSplineSurface, ends: Array, dir
     if allowed.all():
         miss = np.maximum(miss, np.abs(bend) / allowed[:, None])
     per_line = miss.max(axis=1 if direction == "x" else 0)
+    if direction == "x":
+        per_line = np.where((x >= x_min) & (x <= x_max), per_line, OUTSIDE_SHARE * per_line)
     result: Array = per_line.reshape(-1, len(INSIDE_SPAN)).max(axis=1)
     return result
 
@@ -245,19 +258,24 @@ def _directional_misses(task: FitTask, surface: BSplineSurface, ends: Array, dir
 
 def measure(task: FitTask, surface: BSplineSurface, route: str, degree: int, spans: tuple[int, int]) -> Fit:
     """Position and curvature error of a surface with u = x, v = y, off the nodes over the judged rectangle."""
-    x_min, x_max, y_min, y_max = task.judged
-    x = _between(surface.knots_u, x_min, x_max)
-    y = _between(surface.knots_v, y_min, y_max)
-    got = surface.on_grid(x, y)
-    want = task.sag.derivatives(x[:, None], y)
-    position = np.abs(got["s"][..., 2] - want.z)
-    percent = curvature_percent(shape_operator(got), shape_operator_of_sag(want), task.percent_of(x)[:, None, :])
+    x, y, position, percent = _errors(task, surface)
     worst = np.unravel_index(np.argmax(position if percent is None else percent), position.shape)
     largest = None if percent is None else float(percent.max())
     met = float(position.max()) <= task.position_tolerance_mm
     met = met and (largest is None or largest <= task.curvature_tolerance_percent)
     return Fit(surface, route, degree, spans, float(position.max()), largest,
                (float(x[worst[0]]), float(y[worst[1]])), 0.0, met)
+
+
+def _errors(task: FitTask, surface: BSplineSurface) -> tuple[Array, Array, Array, Array | None]:
+    """Places x (m,), y (n,) off the nodes, position error (m, n) in mm and curvature error (m, n) in percent there."""
+    x_min, x_max, y_min, y_max = task.judged
+    x = _between(surface.knots_u, x_min, x_max)
+    y = _between(surface.knots_v, y_min, y_max)
+    got = surface.on_grid(x, y)
+    want = task.sag.derivatives(x[:, None], y)
+    percent = curvature_percent(shape_operator(got), shape_operator_of_sag(want), task.percent_of(x)[:, None, :])
+    return x, y, np.abs(got["s"][..., 2] - want.z), percent
 
 
 def curvature_percent(got: ShapeOperator, want: ShapeOperator, percent_of: Array) -> Array | None:
@@ -270,6 +288,8 @@ def curvature_percent(got: ShapeOperator, want: ShapeOperator, percent_of: Array
 
 
 def _between(knots: Array, low: float, high: float) -> Array:
-    """Points inside every span within [low, high], never on a knot."""
+    """Points inside every span within [low, high], never on a knot, and DENSEST of them or more in all."""
     ends = np.unique(np.clip(np.unique(knots), low, high))
-    return (ends[:-1, None] + np.diff(ends)[:, None] * INSIDE_SPAN).ravel()
+    count = max(len(INSIDE_SPAN), -(-DENSEST // (len(ends) - 1)))
+    inside = INSIDE_SPAN if count == len(INSIDE_SPAN) else (np.arange(count) + 0.5) / count
+    return (ends[:-1, None] + np.diff(ends)[:, None] * inside).ravel()

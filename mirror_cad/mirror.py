@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from mirror_cad import fit as fitting
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.curvature import Span, eased_beyond
-from mirror_cad.deviation import CurvatureDeviation, DesignedCurvature, compare_stages
-from mirror_cad.errors import OutlineError, SpecError
+from mirror_cad.deviation import CurvatureDeviation, DesignedCurvature, compare_stages, stl_deviation
+from mirror_cad.errors import OutlineError, SpecError, WriteError
 from mirror_cad.fit import Fit, FitTask
 from mirror_cad.laws import law_from, solve_match
 from mirror_cad.outline import Outline, truck_outline
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
+
+MOST_MESHES = 5  # tries at a mesh within its deflection; two are the rule where one is not enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +101,21 @@ class Mirror:
         write_step(Path(path), parts, name)
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
-        """Write the plate as binary STL, no facet farther than the absolute deflection from it."""
-        from mirror_cad.occt.tessellate import write_stl
+        """Write the plate as binary STL, no optical facet farther than the absolute deflection from the surface.
 
-        write_stl(Path(path), self.plate.solid, deflection_mm or self.spec.export.stl_deflection_mm)
+        The kernel's mesher takes a deflection as advice: what it made is measured, and made finer until it holds.
+        Raises: WriteError where it cannot be written or does not come to hold.
+        """
+        from mirror_cad.occt.tessellate import read_stl, write_stl
+
+        wanted = asked = deflection_mm or self.spec.export.stl_deflection_mm
+        for _ in range(MOST_MESHES):
+            write_stl(Path(path), self.plate.solid, asked)
+            reached = stl_deviation(read_stl(Path(path)), self.surface, self.outline)["height_max_mm"]
+            if reached is not None and reached <= wanted:
+                return
+            asked *= 0.7 * min(wanted / (reached or wanted), 1.0)
+        raise WriteError(f"{path}: the mesh stays {reached} mm from the surface, {wanted:g} mm were asked for")
 
     def sheet_box(self) -> Box:
         """The outline's box with the margin of [export] on every side, as far as the surface exists."""

@@ -64,13 +64,16 @@ class PiecewiseChebyshev:
 
     def tight_breaks(self, width: float) -> list[float]:
         """Places where pieces narrower than `width` stand: kinks and jumps that nobody announced."""
-        narrow = np.flatnonzero(np.diff(self.breaks) < width)
+        widths = np.diff(self.breaks)
+        middles = 0.5 * (self.breaks[:-1] + self.breaks[1:])
         places: list[float] = []
-        for i in narrow:
-            middle = 0.5 * float(self.breaks[i] + self.breaks[i + 1])
-            if not places or middle - places[-1] > 10.0 * width:
-                places.append(middle)
-        return places
+        # The narrowest piece of each crowd stands on the kink itself.
+        for i in np.argsort(widths, kind="stable"):
+            if widths[i] >= width:
+                break
+            if all(abs(middles[i] - place) > 10.0 * width for place in places):
+                places.append(float(middles[i]))
+        return sorted(places)
 
 
 def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> PiecewiseChebyshev:

@@ -36,6 +36,7 @@ BINS = 81  # of the histogram: odd, so that one is centred on zero
 # A limit this many times beyond the largest deviation is named beside the scale: on it, the maps would be blank.
 FAR_LIMIT = 3.0
 
+MARGINS = {"left": 0.07, "right": 0.99, "wspace": 0.19}  # fitting them to the labels would take longer than drawing
 DESIGNED, REALISED, LIMIT = "#a9c4de", "#1f3f66", "#b35806"
 UNIT_OF_VALUE = {"%": "%", "1/m": "/m"}
 QUANTITIES = ("k1", "k2", "kx", "ky", "twist")
@@ -177,8 +178,8 @@ def deviation_histogram(deviation: CurvatureDeviation, fields: DeviationFields) 
     weights = deviation.grid.weights
     edges = np.linspace(-fields.scale, fields.scale, BINS + 1)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 2.6), layout="constrained")
-        both = figure.subplots(1, 2, sharex=True)
+        figure = Figure(figsize=(WIDTH_IN, 2.6))
+        both = figure.subplots(1, 2, sharex=True, gridspec_kw={**MARGINS, "bottom": 0.17, "top": 0.98})
         for axes, keys in zip(both, (("k1", "k2"), ("kx", "ky", "twist")), strict=True):
             for key in keys:
                 share, _ = np.histogram(fields.values[key], edges, weights=weights)
@@ -204,8 +205,9 @@ def centre_sections(deviation: CurvatureDeviation, pairs: list[Pair], fields: De
         return grid.as_map(values)[:, row]
 
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
-        axes = figure.subplots(2, 2, sharex=True, height_ratios=[1.7, 1.0])
+        figure = Figure(figsize=(WIDTH_IN, 4.4))
+        axes = figure.subplots(2, 2, sharex=True, height_ratios=[1.7, 1.0],
+                               gridspec_kw={**MARGINS, "bottom": 0.1, "top": 0.98, "hspace": 0.09})
         for column, (pair, key) in enumerate(zip(pairs[:2], ("kx", "ky"), strict=True)):
             upper, lower = axes[0, column], axes[1, column]
             designed, realised = along(pair.designed), along(pair.realised)
@@ -240,9 +242,9 @@ def centre_sections(deviation: CurvatureDeviation, pairs: list[Pair], fields: De
             lower.set_xlabel("x, mm")
             for one in (upper, lower):
                 one.set_xlim(grid.cells_x[0], grid.cells_x[-1])
+                one.yaxis.set_label_coords(-0.135, 0.5)
                 one.ticklabel_format(axis="y", useOffset=False)
                 _calm(one)
-        figure.align_ylabels()
         return _svg(figure), float(grid.cells_y[row])
 
 

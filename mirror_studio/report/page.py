@@ -139,9 +139,9 @@ def model_sentences(deviation: CurvatureDeviation) -> str:
     rest = max(_largest_of_pair(deviation.stages[name]) or 0.0 for name in NUMERICAL)
     start = ("The model stage is the unavoidable part. The decoupled construction hangs circles of radius Ry(x) on the "
              "horizontal profile, and such a surface cannot have the designed curvatures everywhere: to first order it "
-             "has the twist −y·Ry′/Ry², and its vertical curvature is cos θ/Ry where the profile is inclined by θ. "
-             "Where kx and ky are close, the twist moves k1 and k2 apart by its own size, one up and one down. No "
-             "numerics can remove this.")
+             "has the twist −y·(Ry′ − z′)/Ry², where the profile has the slope z′ = tan θ, and its vertical curvature "
+             "is cos θ/Ry. Where kx and ky are close, the twist moves k1 and k2 apart by its own size, one up and one "
+             "down. No numerics can remove this.")
     if rest == 0.0:
         return f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2, and the other stages add nothing."
     share = f", a share of 1 in {count(float(f'{model / rest:.1e}'))}" if model > 10.0 * rest else ""
