@@ -30,8 +30,7 @@ def table_1(metrics: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def build_paper(out: Path, progress: Progress) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Make the whole set in `out`; returns table 1 and what tolerance or limit was missed."""
-    from mirror_studio.report.page import contact_sheet
-    from mirror_studio.report.paper_page import table1_markdown, write_index
+    from mirror_studio.report import contact_sheet, table1_markdown, write_index
 
     missed: list[str] = []
     with new_set(out) as folder:

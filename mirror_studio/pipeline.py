@@ -28,7 +28,7 @@ from raytrace.image import Frame, driver_view, landing_points
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.reflect import Status, reflect
+from raytrace.trace import Status, reflect
 from raytrace.reflector import Reflector, load_reflector
 from raytrace.scene.reference import Picture, ReferencePlane, load_picture
 
@@ -108,7 +108,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     write_json(folder / "deviation.json", deviation.as_json())
     manifest = _manifest(mirror)
     manifest["files"] = hashes(folder)
-    from mirror_studio.report.page import write_report
+    from mirror_studio.report import write_report
 
     write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png)
     manifest["files"] = hashes(folder)

@@ -6,22 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from raytrace.errors import SceneError, TraceError
-    from raytrace.reflect import Status, Trace, reflect
+    from raytrace.trace import Status, Trace, reflect
     from raytrace.reflector import Reflector, load_reflector
 
 _HOME = {
-    "SceneError": "errors", "TraceError": "errors", "Status": "reflect", "Trace": "reflect", "reflect": "reflect",
+    "SceneError": "errors", "TraceError": "errors", "Status": "trace", "Trace": "trace", "reflect": "trace",
     "Reflector": "reflector", "load_reflector": "reflector",
 }
 __all__ = ["Reflector", "SceneError", "Status", "Trace", "TraceError", "load_reflector", "reflect"]
 
 
 def __getattr__(name: str) -> Any:
-    # `raytrace.reflect` is a function and a module of that name: once imported, the module would hide the function.
     if name not in _HOME:
         raise AttributeError(f"module 'raytrace' has no attribute {name!r}")
     from importlib import import_module
 
-    value = getattr(import_module(f"raytrace.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+    return getattr(import_module(f"raytrace.{_HOME[name]}"), name)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.reflect import Trace, reflect
+from raytrace.trace import Trace, reflect
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, ReferencePlane
 

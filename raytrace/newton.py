@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-# What the kernels report of a ray; the meaning for users is in `raytrace.reflect.Status`.
+# What the kernels report of a ray; the meaning for users is in `raytrace.Status`.
 HIT, OUTSIDE, LOST = 0, 1, 2
 
 BLOCK = 16  # rays that a kernel takes at once: two or four vector registers of each quantity

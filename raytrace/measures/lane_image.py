@@ -7,7 +7,7 @@ from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
 from raytrace.image import Frame, rays_through
-from raytrace.reflect import Status, reflect
+from raytrace.trace import Status, reflect
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture
 

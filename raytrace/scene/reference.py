@@ -13,7 +13,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
-from raytrace.reflect import Trace
+from raytrace.trace import Trace
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]

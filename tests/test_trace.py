@@ -1,0 +1,217 @@
+"""The tracer: against an analytic sphere, the kernel's own intersection, and the paper's figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mirror_cad
+import raytrace
+from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
+from raytrace.embree import TriangleScene
+from raytrace.eye import eye_position
+from raytrace.measures.field_of_view import traced_fields_of_view
+from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.trace import Status
+from tests.conftest import PAPER_MIRRORS, constant, designed, spec_of
+
+ARCSEC = np.degrees(1.0) * 3600.0
+BOX = (-115.0, 115.0, -163.45, 163.45)
+EYE = eye_position(762.0, "right", BOX)
+
+
+def picture_rays(columns: int = 400, rows: int = 560) -> np.ndarray:
+    x, y = np.meshgrid(np.linspace(-120, 120, columns), np.linspace(-170, 170, rows))
+    return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - EYE
+
+
+def analytic_sphere(directions: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First hits on a sphere that touches z = 0 from below: points, normals, reflected directions."""
+    d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    from_centre = EYE + np.array([0.0, 0.0, radius])
+    b, c = d @ from_centre, from_centre @ from_centre - radius**2
+    t = -b - np.sqrt(b * b - c)
+    normals = (from_centre + t[:, None] * d) / radius
+    return EYE + t[:, None] * d, normals, d - 2.0 * np.einsum("ij,ij->i", d, normals)[:, None] * normals
+
+
+@pytest.fixture(scope="module")
+def sphere_step(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cap of a true sphere, R 950, cut out of the kernel's own sphere: a SPHERICAL_SURFACE in the file."""
+    from build123d import Box as Block
+    from build123d import Pos, Sphere
+
+    cap = Pos(0, 0, -950.0) * Sphere(950.0) & Block(260, 400, 80)
+    path = tmp_path_factory.mktemp("sphere") / "sphere.step"
+    write_step(path, [Part(cap.wrapped, "sphere", GLASS_COLOUR)], "sphere")
+    return path
+
+
+def test_reflection_off_a_sphere_of_another_program_is_exact(sphere_step: Path) -> None:
+    directions = picture_rays()
+    trace = raytrace.reflect(raytrace.load_reflector(sphere_step), EYE, directions)
+    assert (trace.status == Status.REFLECTED).all()
+    points, normals, reflected = analytic_sphere(directions, 950.0)
+    # 1e-6 arcsec is promised; some 1e-14 rad of rounding is 2e-9.
+    assert np.linalg.norm(trace.directions - reflected, axis=1).max() * ARCSEC <= 1e-7
+    assert np.abs(trace.points - points).max() <= 1e-10
+    assert np.abs(trace.normals - normals).max() <= 1e-13
+
+
+def test_height_field_and_parametric_kernels_agree(tmp_path: Path) -> None:
+    mirror = designed("progressive-c")
+    path = tmp_path / "c.step"
+    mirror.export_step(path)
+    fast = raytrace.load_reflector(path)
+    assert fast.surfaces[0].height_field is not None
+    slow = raytrace.load_reflector(path)
+    slow.surfaces[0].__dict__["height_field"] = None  # the cached property, so that the general kernel takes every ray
+    directions = picture_rays(120, 160)
+    a, b = raytrace.reflect(fast, EYE, directions), raytrace.reflect(slow, EYE, directions)
+    assert np.count_nonzero(a.status != b.status) == 0
+    hit = a.status == Status.REFLECTED
+    assert np.linalg.norm(a.directions[hit] - b.directions[hit], axis=1).max() * ARCSEC < 1e-6
+    assert np.abs(a.points[hit] - b.points[hit]).max() < 1e-10
+    # What was designed and what the file holds are the same to a trace.
+    designed_trace = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, directions)
+    assert np.linalg.norm(a.directions[hit] - designed_trace.directions[hit], axis=1).max() * ARCSEC < 1e-6
+
+
+def test_kernel_intersects_at_the_same_points(tmp_path: Path) -> None:
+    from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
+    from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
+
+    from mirror_cad.occt.step import read_step_shape
+
+    path = tmp_path / "a.step"
+    designed("progressive-a").export_step(path)
+    finder = IntCurvesFace_ShapeIntersector()
+    finder.Load(read_step_shape(path), 1e-7)
+    rng = np.random.default_rng(5)
+    targets = np.stack([rng.uniform(-110, 110, 200), rng.uniform(-120, 120, 200), np.zeros(200)], axis=1)
+    trace = raytrace.reflect(raytrace.load_reflector(path), EYE, targets - EYE)
+    for i in range(200):
+        d = targets[i] - EYE
+        finder.PerformNearest(gp_Lin(gp_Pnt(*EYE), gp_Dir(*d)), 0.0, 1e5)
+        theirs = np.array(finder.Pnt(1).Coord())
+        assert np.linalg.norm(theirs - trace.points[i]) < 1e-7  # the kernel's own tolerance
+
+
+def test_statuses_of_front_rim_back_and_bad_rays(tmp_path: Path) -> None:
+    path = tmp_path / "b.step"
+    designed("progressive-b").export_step(path)
+    reflector = raytrace.load_reflector(path)
+    origins = np.array([[0.0, 0, 500], [0, 0, -500], [400.0, 0, -7.0], [0, 0, 500], [0, 0, 500], [0, 0, np.nan], [0, 0, 500]])
+    directions = np.array([[0.0, 0, -1], [0, 0, 1], [-1.0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, -1], [np.inf, 0, -1]])
+    trace = raytrace.reflect(reflector, origins, directions)
+    expected = [Status.REFLECTED, Status.BLOCKED, Status.BLOCKED, Status.MISSED, Status.INVALID, Status.INVALID, Status.INVALID]
+    assert trace.status.tolist() == expected
+    assert trace.directions[0] == pytest.approx([0, 0, 1], abs=1e-12)
+    assert np.isnan(trace.directions[1:]).all()
+    alone = raytrace.reflect(raytrace.Reflector.from_mirror(designed("progressive-b")), origins[1], directions[1:2])
+    assert alone.status.tolist() == [Status.BEHIND]
+
+
+def test_results_do_not_depend_on_array_layout_and_are_reused() -> None:
+    reflector = raytrace.Reflector.from_mirror(designed("sphere-1050"))
+    directions = picture_rays(40, 50)
+    reference = raytrace.reflect(reflector, EYE, directions)
+    strided = np.repeat(directions, 2, axis=0)[::2]
+    read_only = directions.copy()
+    read_only.setflags(write=False)
+    for other in (np.asfortranarray(directions), strided, read_only, 7.0 * directions):
+        same = raytrace.reflect(reflector, np.broadcast_to(EYE, directions.shape), other)
+        assert np.nanmax(np.abs(same.directions - reference.directions)) < 1e-13
+    again = raytrace.reflect(reflector, EYE, directions, out=reference)
+    assert again is reference
+    assert raytrace.reflect(reflector, EYE, np.empty((0, 3))).status.shape == (0,)
+    for bad in (np.zeros(3), np.zeros((4, 2))):
+        with pytest.raises(raytrace.TraceError, match="directions must be"):
+            raytrace.reflect(reflector, EYE, bad)
+    with pytest.raises(raytrace.TraceError, match="origins must be"):
+        raytrace.reflect(reflector, np.zeros((3, 3)), directions)
+    with pytest.raises(raytrace.TraceError, match="out holds 2000 rays, 10"):
+        raytrace.reflect(reflector, EYE, directions[:10], out=reference)
+
+
+@settings(max_examples=25)
+@given(st.floats(0.0, 89.0), st.floats(0.0, 360.0), st.floats(-90.0, 90.0), st.floats(-120.0, 120.0))
+def test_reflection_law_holds_from_every_side(incidence: float, azimuth: float, x: float, y: float) -> None:
+    """Whatever the incidence: the hit lies on the surface and on the ray, and angle in equals angle out."""
+    mirror = designed("progressive-a")
+    target = mirror.surface.evaluate(x, y)
+    i, a = np.radians(incidence), np.radians(azimuth)
+    d = -np.array([np.sin(i) * np.cos(a), np.sin(i) * np.sin(a), np.cos(i)])
+    trace = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), target - 600.0 * d, d[None, :])
+    if trace.status[0] != Status.REFLECTED:
+        # A grazing ray at a curved mirror can only come from below its horizon there.
+        derivatives = mirror.surface.derivatives(x, y)
+        normal = np.cross(derivatives["u"], derivatives["v"])
+        assert d @ normal >= -1e-9 or trace.status[0] == Status.MISSED
+        return
+    p, n = trace.points[0], trace.normals[0]
+    assert np.linalg.norm(mirror.surface.evaluate(p[0], p[1]) - p) < 1e-11
+    assert trace.directions[0] @ n == pytest.approx(-(d @ n), abs=1e-14)
+    assert np.linalg.norm(np.cross(p - (target - 600.0 * d), d)) < 1e-9
+
+
+def test_fields_of_view_of_table_1() -> None:
+    for name, v in (("progressive-a", 49.4), ("progressive-b", 46.8), ("progressive-c", 42.8)):
+        section = np.degrees(designed(name).section_fields_of_view())
+        assert section == pytest.approx([44.8, v], abs=0.1)
+    assert np.degrees(designed("sphere-950").section_fields_of_view()[0]) == pytest.approx(44.8, abs=0.1)
+
+
+def test_traced_fields_of_view_with_the_eye_where_it_sits() -> None:
+    for name, v in (("progressive-a", 45.3), ("progressive-b", 43.0), ("progressive-c", 39.6)):
+        mirror = designed(name)
+        traced = np.degrees(traced_fields_of_view(mirror.surface, EYE, mirror.box, mirror.left_height_mm))
+        assert traced == pytest.approx([44.6, v], abs=0.1)
+
+
+def test_lane_straightness_of_table_1() -> None:
+    lane = StraightLane(0.0, 2400.0, 0.6, float(EYE[2]) + 8200.0)
+    for name, percent in (("progressive-a", 27.57), ("progressive-b", 28.28), ("progressive-c", 40.91)):
+        mirror = designed(name)
+        assert lane_straightness(mirror.surface, EYE, lane, mirror.box) == pytest.approx(percent, abs=0.05)
+
+
+def test_a_plane_mirror_keeps_lanes_straight_and_shows_the_flat_field_of_view() -> None:
+    mirror = mirror_cad.design(spec_of(constant(np.inf), constant(np.inf)))
+    lane = StraightLane(0.0, 300.0, 0.1, float(EYE[2]) + 8200.0)
+    assert lane_straightness(mirror.surface, EYE, lane, mirror.box) == pytest.approx(0.0, abs=1e-6)
+    h, _ = traced_fields_of_view(mirror.surface, EYE, mirror.box, 270.0)
+    assert h == pytest.approx(np.arctan2(230.0, EYE[2]), abs=1e-12)
+
+
+def test_embree_sees_a_far_mesh_as_well_as_a_near_one() -> None:
+    vertices = np.array([[-50.0, -50, 0], [50, -50, 0], [0, 50, 0]])
+    shift = np.array([1e5, -2e5, 3e5])
+    for offset in (np.zeros(3), shift):
+        scene = TriangleScene(vertices + offset, np.array([[0, 1, 2]], dtype=np.int32))
+        hits = scene.first_hits(offset + [0.0, 0, 1e5], np.array([[0.0, 0, -1]]))
+        assert hits.triangle[0] == 0
+        assert hits.distance[0] == pytest.approx(1e5, abs=1e-3)
+
+
+@pytest.mark.parametrize(("vertices", "faces"), [
+    (np.zeros((3, 2)), np.array([[0, 1, 2]])), (np.full((3, 3), np.nan), np.array([[0, 1, 2]])),
+    (np.zeros((3, 3)), np.array([[0, 1, 3]])), (np.zeros((3, 3)), np.array([[0, 1, -1]])),
+    (np.zeros((3, 3)), np.empty((0, 3))), (np.zeros((3, 3)), np.array([0, 1, 2])),
+])
+def test_embree_is_never_handed_what_would_crash_it(vertices: np.ndarray, faces: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="vertices|faces"):
+        TriangleScene(vertices, faces)
+
+
+@pytest.mark.parametrize("name", PAPER_MIRRORS)
+def test_every_paper_mirror_reflects_all_rays_inside_its_outline(name: str) -> None:
+    mirror = designed(name)
+    trace = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, picture_rays(200, 280))
+    inside = mirror.outline.contains(*np.nan_to_num(trace.points[:, :2], nan=1e6).T)
+    assert set(trace.counts()) == {"reflected", "missed"}
+    assert (inside == (trace.status == Status.REFLECTED)).all()
