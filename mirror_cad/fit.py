@@ -231,13 +231,9 @@ def _directional_misses(task: FitTask, surface: BSplineSurface, ends: Array, dir
     x_min, x_max, y_min, y_max = task.judged
     inside = (ends[:-1, None] + np.diff(ends)[:, None] * INSIDE_SPAN).ravel()
     if direction == "x":
-        y = greville_abscissae(surface.knots_v, surface.degree_v)
-        y = y[(y >= y_min) & (y <= y_max)]
-        x = inside
+        x, y = inside, _sites_within(surface.knots_v, surface.degree_v, y_min, y_max)
     else:
-        x = greville_abscissae(surface.knots_u, surface.degree_u)
-        x = x[(x >= x_min) & (x <= x_max)]
-        y = np.clip(inside, y_min, y_max)
+        x, y = _sites_within(surface.knots_u, surface.degree_u, x_min, x_max), np.clip(inside, y_min, y_max)
     got = surface.on_grid(x, y)
     want = task.sag.derivatives(x[:, None], y)
     position = np.abs(got["s"][..., 2] - want.z) / task.position_tolerance_mm
@@ -251,6 +247,13 @@ def _directional_misses(task: FitTask, surface: BSplineSurface, ends: Array, dir
         per_line = np.where((x >= x_min) & (x <= x_max), per_line, OUTSIDE_SHARE * per_line)
     result: Array = per_line.reshape(-1, len(INSIDE_SPAN)).max(axis=1)
     return result
+
+
+def _sites_within(knots: Array, degree: int, low: float, high: float) -> Array:
+    """The collocation sites between low and high; a few places there while a small mirror in a large blank has none."""
+    sites = greville_abscissae(knots, degree)
+    sites = sites[(sites >= low) & (sites <= high)]
+    return sites if len(sites) >= 3 else np.linspace(low, high, 5)
 
 
 # --- what a fit reached ----------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 FRAME_MARGIN = 0.05  # of the mirror's width, on every side
-SAMPLES = 3  # a direction and pixel: at the strongest curvature of the presets a pixel covers three picture elements
+SAMPLES = 2  # a direction and pixel
 BAND_RAYS = 600_000  # traced at once: some 60 MB of rays and results
 BACKGROUND = np.array([246.0, 246.0, 244.0])
 
