@@ -16,6 +16,7 @@ from mirror_cad.piecewise import PiecewiseChebyshev, approximate
 Array = NDArray[np.float64]
 
 SMOOTH = 99  # continuous derivatives of a law where it has no break worth a knot
+LARGEST_CURVATURE = 1.0  # 1/mm: a pole in a formula passes it at once, a radius that any mirror has never does
 # A piece of the series narrower than this marks a kink or jump that the law's text does not announce (an expression
 # with min or max, say): halving stops there at some 1e-4 mm, and nothing smooth needs pieces of less than 0.01 mm.
 HIDDEN_BREAK_MM = 5e-3
@@ -57,15 +58,16 @@ class CurvatureLaw:
     def series(self, x_min: float, x_max: float) -> PiecewiseChebyshev:
         """κ on [x_min, x_max] to rounding error.
 
-        Raises: SpecError where κ is not finite, with the place.
+        Raises: SpecError where κ is not finite or above LARGEST_CURVATURE, with the place.
         """
 
         def checked(x: Array) -> Array:
             kappa = self.function(x)
-            bad = ~np.isfinite(kappa)
+            bad = ~(np.abs(kappa) <= LARGEST_CURVATURE)
             if bad.any():
-                raise SpecError(f"{self.description}: the curvature is not finite at x = {x[bad][0]:.6g} mm "
-                                f"(κ = {kappa[bad][0]}): change the law there")
+                value = f"{kappa[bad][0]:.3g} per mm" if np.isfinite(kappa[bad][0]) else "not finite"
+                raise SpecError(f"{self.description}: the curvature is {value} at x = {x[bad][0]:.6g} mm; no mirror has a "
+                                f"radius below {1 / LARGEST_CURVATURE:g} mm: change the law there")
             return kappa
 
         inner = sorted(b.x_mm for b in self.breaks if x_min < b.x_mm < x_max)

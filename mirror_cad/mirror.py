@@ -230,8 +230,8 @@ def _outline(spec: MirrorSpec) -> Outline:
                            f"beyond the blank of {blank.width_mm:g} × {blank.height_mm:g} mm about the origin: move it, "
                            "check its unit, or enlarge [blank]")
     if not (x_min < 0 < x_max and y_min < 0 < y_max):
-        raise OutlineError(f"{given.file}: the outline, x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, does not "
-                           "hold the origin, which is the centre of the mirror: an outline file is in mirror coordinates")
+        raise OutlineError(f"{given.file}: the outline, x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, does "
+                           "not hold the origin, which is the centre of the mirror: an outline file is in mirror coordinates")
     return outline
 
 

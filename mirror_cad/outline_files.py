@@ -308,7 +308,8 @@ def _printable(text: object) -> str:
 def _dxf_pieces(file: Path) -> Iterator[_Piece]:
     try:
         document = ezdxf.readfile(str(file))
-        unit = document.header.get("$INSUNITS", 0)
+        # Without a header of its own a document gets ezdxf's, whose unit is the metre: only what the file says counts.
+        unit = document.header.get("$INSUNITS", 0) if b"$INSUNITS" in file.read_bytes() else 0
         entities = list(document.modelspace())
     except OSError as error:
         raise OutlineError(f"{file}: not a DXF file, or it cannot be read ({error}); export it again as DXF") from None

@@ -33,6 +33,9 @@ def new_set(out: Path) -> Iterator[Path]:
     try:
         heal(out)
         work.mkdir()
+    except OSError as error:
+        raise SpecError(f"--out {out}: no folder can be made beside it: {error.strerror}") from None
+    try:
         yield work
         _carry_foreign_files(out, work)
         _swap(out, work)

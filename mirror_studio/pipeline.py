@@ -28,9 +28,9 @@ from raytrace.image import Frame, driver_view, landing_points
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.trace import Status, reflect
 from raytrace.reflector import Reflector, load_reflector
 from raytrace.scene.reference import Picture, ReferencePlane, load_picture
+from raytrace.trace import Status, reflect
 
 Array = NDArray[np.float64]
 
@@ -206,8 +206,8 @@ def _missed(mirror: Mirror, deviation: CurvatureDeviation) -> tuple[str, ...]:
         total = deviation.total
         key = max(("k1", "k2"), key=lambda k: abs(total[f"{k}_max_percent"]))
         at = total[f"{key}_max_at_mm"]
-        missed.append(f"the part's {key} is {total[f'{key}_max_percent']:+.2f} % off at ({at[0]:.1f}, {at[1]:.1f}) mm, the limit "
-                      f"is {mirror.spec.limits.curvature_percent:g} %")
+        missed.append(f"the part's {key} is {total[f'{key}_max_percent']:+.2f} % off at ({at[0]:.1f}, {at[1]:.1f}) mm, the "
+                      f"limit is {mirror.spec.limits.curvature_percent:g} %")
     return tuple(missed)
 
 

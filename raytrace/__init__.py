@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from raytrace.errors import SceneError, TraceError
-    from raytrace.trace import Status, Trace, reflect
     from raytrace.reflector import Reflector, load_reflector
+    from raytrace.trace import Status, Trace, reflect
 
 _HOME = {
     "SceneError": "errors", "TraceError": "errors", "Status": "trace", "Trace": "trace", "reflect": "trace",

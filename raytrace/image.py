@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.trace import Trace, reflect
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, ReferencePlane
+from raytrace.trace import Trace, reflect
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

@@ -445,7 +445,8 @@ def test_contains_broadcasts_and_holds_at_the_heights_of_vertices():
     assert inside.tolist() == [[True, True, True, False, False], [True, False, True, False, False],
                                [True, True, True, False, False]]  # fmt: skip
     assert outline.contains(3, 3).shape == ()
-    assert not outline.contains(math.nan, 3) and not outline.contains(3, math.nan)
+    assert not outline.contains(math.nan, 3)
+    assert not outline.contains(3, math.nan)
     assert outline.contains(np.zeros(0), np.zeros(0)).shape == (0,)
 
 

@@ -192,10 +192,24 @@ def test_euler_misses_the_tolerance_and_the_report_says_so() -> None:
     assert 0.05 < abs(deviation.stages["integration"]["k1_max_percent"]) < 1.0
 
 
+ANY_ZONES = given(st.floats(350.0, 5000.0), st.floats(350.0, 5000.0), st.floats(300.0, 3000.0), st.floats(300.0, 3000.0),
+                  st.floats(0.0, 0.8))
+
+
 @settings(max_examples=8)
-@given(st.floats(350.0, 5000.0), st.floats(350.0, 5000.0), st.floats(300.0, 3000.0), st.floats(300.0, 3000.0),
-       st.floats(0.0, 0.8))
+@ANY_ZONES
 def test_any_zones_design_meets_the_tolerances(right: float, left: float, top: float, bottom: float, start: float) -> None:
+    zones_design_meets_the_tolerances(right, left, top, bottom, start)
+
+
+@pytest.mark.long
+@settings(max_examples=300)
+@ANY_ZONES
+def test_many_zones_designs_meet_the_tolerances(right: float, left: float, top: float, bottom: float, start: float) -> None:
+    zones_design_meets_the_tolerances(right, left, top, bottom, start)
+
+
+def zones_design_meets_the_tolerances(right: float, left: float, top: float, bottom: float, start: float) -> None:
     mirror = mirror_cad.design(spec_of({"law": "zones", "right_mm": right, "left_mm": left, "blend_from": start},
                                        {"law": "linear", "right_mm": top, "left_mm": bottom}))
     assert mirror.fit.met, mirror.fit

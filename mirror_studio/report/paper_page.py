@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ TITLE_SIZE, CAPTION_SIZE = 34, 25  # px
 INK, SOFT = (29, 35, 41), (70, 80, 88)
 
 
-def contact_sheet(path: Path, title: str, panels: list[tuple[str, Path | Image.Image]]) -> None:
+def contact_sheet(path: Path, title: str, panels: Sequence[tuple[str, Path | Image.Image]]) -> None:
     """Write a PNG, 1800 px wide, with pictures side by side at one width, each with its caption under it."""
     width = (SHEET_WIDTH - 2 * SHEET_MARGIN - SHEET_GAP * (len(panels) - 1)) // len(panels)
     title_font, caption_font = _font(TITLE_SIZE, bold=True), _font(CAPTION_SIZE)

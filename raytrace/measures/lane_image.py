@@ -7,9 +7,9 @@ from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
 from raytrace.image import Frame, rays_through
-from raytrace.trace import Status, reflect
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture
+from raytrace.trace import Status, reflect
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
