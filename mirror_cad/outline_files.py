@@ -22,7 +22,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mirror_cad.errors import OutlineError
+from mirror_cad.errors import OutlineError, WriteError
 from mirror_cad.outline import (
     Arc,
     FloatArray,
@@ -448,8 +448,8 @@ def write_dxf(outline: Outline, path: str | os.PathLike[str]) -> None:
     environment variable SOURCE_DATE_EPOCH is set, the dates and identifiers in the file are constants instead of the
     current time and random numbers, and writing twice gives the same bytes.
 
-    Raises `OutlineError` where a segment is so short (1e-3 mm) that a reader joining ends that close would lose it,
-    and where the file cannot be written.
+    Raises `OutlineError` where a segment is so short (1e-3 mm) that a reader joining ends that close would lose it;
+    `WriteError` where the file cannot be written.
     """
     fixed_before = ezdxf.options.write_fixed_meta_data_for_testing
     if os.environ.get("SOURCE_DATE_EPOCH"):
@@ -482,11 +482,14 @@ def write_dxf(outline: Outline, path: str | os.PathLike[str]) -> None:
                 angles = sorted([segment.start_angle, segment.start_angle + segment.sweep])
                 first, last = (math.degrees(angle) % 360.0 for angle in angles)
                 space.add_arc(segment.centre, segment.radius_mm, first, last, dxfattribs=layer)
+        # Writing adds classes in the order of a set, which differs from process to process: here they are in order already.
+        for name in sorted({entity.dxftype() for entity in document.entitydb.values()}):
+            document.classes.add_class(name)
         stream = io.StringIO()
         document.write(stream)
         Path(path).write_bytes(document.encode(stream.getvalue()))
     except OSError as error:
-        raise OutlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
         ezdxf.options.write_fixed_meta_data_for_testing = fixed_before
 

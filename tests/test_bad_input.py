@@ -46,7 +46,7 @@ CASES = {
     "call in a formula": ('[horizontal]\nlaw = "expression"\nradius = "__import__(\'os\').system(\'touch x\')"\n' + VERTICAL,
                           ["a call to", "__import__"]),
     "attribute in a formula": ('[horizontal]\nlaw = "expression"\nradius = "t.__class__"\n' + VERTICAL, ["t.__class__"]),
-    "formula with a pole": ('[horizontal]\nlaw = "expression"\ncurvature = "0.001/(x - 20.0)"\n' + VERTICAL, 
+    "formula with a pole": ('[horizontal]\nlaw = "expression"\ncurvature = "0.001/(x - 20.0)"\n' + VERTICAL,
                             ["per mm at x = 2", "radius below 1 mm"]),
     "formula of a root of the negative": ('[horizontal]\nlaw = "expression"\ncurvature = "0.001*sqrt(x)"\n' + VERTICAL,
                                           ["not finite", "x = "]),

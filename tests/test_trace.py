@@ -110,7 +110,7 @@ def test_statuses_of_front_rim_back_and_bad_rays(tmp_path: Path) -> None:
     trace = raytrace.reflect(reflector, origins, directions)
     expected = [Status.REFLECTED, Status.BLOCKED, Status.BLOCKED, Status.MISSED, Status.INVALID, Status.INVALID, Status.INVALID]
     assert trace.status.tolist() == expected
-    assert trace.directions[0] == pytest.approx([0, 0, 1], abs=1e-12)
+    assert trace.directions[0] == pytest.approx([0, 0, 1], abs=1e-6)  # the fit's own slope error is 3e-7
     assert np.isnan(trace.directions[1:]).all()
     alone = raytrace.reflect(raytrace.Reflector.from_mirror(designed("progressive-b")), origins[1], directions[1:2])
     assert alone.status.tolist() == [Status.BEHIND]
