@@ -1,0 +1,42 @@
+"""Numbers as a caller or a file gives them in, points and tolerances that can be computed with or an `OutlineError` out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.errors import OutlineError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Point = tuple[float, float]
+Bounds = tuple[float, float, float, float]
+
+MAXIMUM_EDGES = 300_000
+"""Most straight edges one outline may be broken into, so that a malformed one cannot exhaust the memory."""
+
+FULL_TURN = 2.0 * math.pi
+LARGEST = 1e12
+"""Numbers larger than this overflow or lose all digits in what is computed with them."""
+
+
+def point_text(point: Sequence[float] | FloatArray) -> str:
+    """A point as messages write it."""
+    return f"({point[0]:.6g}, {point[1]:.6g}) mm"
+
+
+def finite_point(value: ArrayLike, what: str) -> Point:
+    """The point (x, y), or an `OutlineError` that names `what`."""
+    array = np.asarray(value, dtype=float)
+    if array.shape != (2,) or not (np.abs(array) <= LARGEST).all():
+        raise OutlineError(f"{what} is {value!r}: it must be two finite numbers up to {LARGEST:g}, x and y in mm")
+    return float(array[0]), float(array[1])
+
+
+def check_tolerance(tolerance_mm: float) -> None:
+    """Raise `OutlineError` unless a chord tolerance is finite and above 0."""
+    if not (math.isfinite(tolerance_mm) and tolerance_mm > 0.0):
+        raise OutlineError(f"chord tolerance is {tolerance_mm!r} mm: it must be a finite number above 0")
