@@ -97,7 +97,7 @@ class Mirror:
         name = f"{self.spec.name}-surface"
         shell, face = sheet(self.surface, self.sheet_box())
         parts = [Part(shell, name, OPTICAL_COLOUR, face),
-                 Part(outer_wire(self.plate.optical), TRIM_CURVE, (0.9, 0.2, 0.2))]
+                 Part(outer_wire(self.plate.optical), TRIM_CURVE)]
         write_step(Path(path), parts, name)
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:

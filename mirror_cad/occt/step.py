@@ -34,11 +34,15 @@ GLASS_COLOUR = (0.35, 0.38, 0.42)
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One product of a STEP file: a shape, its name, its colour, and a face of it with a name and colour of its own."""
+    """One product of a STEP file: a shape, its name, its colour, and a face of it with a name and colour of its own.
+
+    Only one part of a file should have a colour: the kernel writes the colours of several in an order that differs from
+    process to process.
+    """
 
     shape: TopoDS_Shape
     name: str
-    colour: tuple[float, float, float]
+    colour: tuple[float, float, float] | None = None
     named_face: TopoDS_Face | None = None
 
 
@@ -64,7 +68,8 @@ def write_step(path: Path, parts: list[Part], title: str) -> None:
     for part in parts:
         label = shapes.AddShape(part.shape, False)
         TDataStd_Name.Set_s(label, TCollection_ExtendedString(part.name))
-        colours.SetColor(label, Quantity_Color(*part.colour, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
+        if part.colour is not None:
+            colours.SetColor(label, Quantity_Color(*part.colour, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
         if part.named_face is not None:
             face = shapes.AddSubShape(label, part.named_face)
             TDataStd_Name.Set_s(face, TCollection_ExtendedString(OPTICAL_FACE))
