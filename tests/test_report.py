@@ -24,7 +24,7 @@ METRICS = {
     "lane_straightness_percent": {"traced": 40.91, "image": None},
     "stl_on_plane_mm": {"max": 310.0, "rms": 95.0, "rays": 12345}, "rays": {"reflected": 15_000_000, "missed": 10},
     "eye_mm": [115.0, 0.0, 753.27], "plate": {"area_mm2": 68985.3, "volume_mm3": None},
-    "files": {"step_poles_max_mm": 3e-11},
+    "files": {"step_max_mm": 3e-11},
 }
 MANIFEST = {"schema": 1, "versions": {"mirror-cad": "0.1.0"}, "notes": ["read <b>a&b</b>"],
             "files": {"mirror.step": "ab" * 32}}

@@ -46,9 +46,12 @@ STAGE_NAMES = {"integration": "integration", "fit": "fit", "step": "STEP"}
 # Wide enough for half a screen at twice its pixels; the picture itself lies beside the report without loss.
 PICTURE_WIDTH_PX = 1280
 CHECKS = {
-    "step_poles_max_mm": "STEP read back by the kernel, farthest pole",
-    "part21_max_mm": "STEP read as plain text (Part 21), farthest pole",
+    "step_max_mm": "STEP read back by the kernel, farthest point from the design",
+    "part21_max_mm": "STEP read as plain text (Part 21), farthest point",
+    "volume_relative": "STEP read back, relative change of the volume",
     "sheet_max_mm": "untrimmed sheet read back, farthest point",
+    "outline_box_mm": "outline read back from DXF, its box",
+    "points": "points on the 5 mm grid",
 }
 UNITS = {"_mm": "mm", "_mm2": "mm²", "_mm3": "mm³", "_deg": "°", "_percent": "%", "_seconds": "s", "_arcsec": "″"}
 
@@ -139,7 +142,7 @@ def model_sentences(deviation: CurvatureDeviation) -> str:
     rest = max(_largest_of_pair(deviation.stages[name]) or 0.0 for name in NUMERICAL)
     start = ("The model stage is the unavoidable part. The decoupled construction hangs circles of radius Ry(x) on the "
              "horizontal profile, and such a surface cannot have the designed curvatures everywhere: to first order it "
-             "has the twist −y·(Ry′ − z′)/Ry², where the profile has the slope z′ = tan θ, and its vertical curvature "
+             "has the twist −y·(Ry′ − z′)/Ry², where the profile has the slope z′ = −tan θ, and its vertical curvature "
              "is cos θ/Ry. Where kx and ky are close, the twist moves k1 and k2 apart by its own size, one up and one "
              "down. No numerics can remove this.")
     if rest == 0.0:
