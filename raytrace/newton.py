@@ -73,8 +73,9 @@ def _height_field_kernel(powers):
                         inside_y = min(max(y, y_min), y_max)
                         out_x[m] = x - inside_x
                         out_y[m] = y - inside_y
-                        i = lookup_x[min(np.int32((inside_x - x_min) * bins_x), last_x)]
-                        j = lookup_y[min(np.int32((inside_y - y_min) * bins_y), last_y)]
+                        # Clamped from below too: a ray that diverges to NaN becomes the most negative integer.
+                        i = lookup_x[max(min(np.int32((inside_x - x_min) * bins_x), last_x), 0)]
+                        j = lookup_y[max(min(np.int32((inside_y - y_min) * bins_y), last_y), 0)]
                         i += np.int32(inside_x >= ends_x[i + 1])
                         j += np.int32(inside_y >= ends_y[j + 1])
                         a[m] = inside_x - ends_x[i]

@@ -159,6 +159,17 @@ def test_reflection_law_holds_from_every_side(incidence: float, azimuth: float, 
     assert np.linalg.norm(np.cross(p - (target - 600.0 * d), d)) < 1e-9
 
 
+def test_rays_that_diverge_beside_a_steep_sheet_are_data_and_no_crash() -> None:
+    """A radius just above the half-height: beside the sheet its tangent planes are steep, and Newton runs away."""
+    mirror = mirror_cad.design(spec_of(constant(1250.0), constant(163.5)))
+    rng = np.random.default_rng(11)
+    targets = np.stack([rng.uniform(-1e4, 1e4, 50_000), rng.uniform(-1e4, 1e4, 50_000), np.zeros(50_000)], axis=1)
+    trace = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, targets - EYE)
+    assert set(trace.counts()) <= {"reflected", "missed", "behind"}
+    trace = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, picture_rays())
+    assert trace.counts()["reflected"] > 100_000
+
+
 def test_fields_of_view_of_table_1() -> None:
     for name, v in (("progressive-a", 49.4), ("progressive-b", 46.8), ("progressive-c", 42.8)):
         section = np.degrees(designed(name).section_fields_of_view())
