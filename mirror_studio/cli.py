@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -84,6 +85,8 @@ def _finish(metrics: dict[str, Any], missed: tuple[str, ...], as_json: bool) -> 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run a command and leave with its exit code: 0 done, 2 bad input, 3 done but something asked for is missed, 1 else."""
+    # A polite end is an interrupt: what was begun is cleared away.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(run(arguments))
 
 
