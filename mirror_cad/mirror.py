@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
+STRAIGHT = 0.01  # of the larger curvature: below it a surface counts as straight in the other direction
 MOST_MESHES = 5  # tries at a mesh within its deflection; two are the rule where one is not enough
 
 
@@ -109,8 +110,11 @@ class Mirror:
         from mirror_cad.occt.tessellate import read_stl, write_stl
 
         wanted = asked = deflection_mm or self.spec.export.stl_deflection_mm
+        x = np.linspace(self.box[0], self.box[1], 201)
+        across, upright = (float(np.abs(law(x)).max()) for law in (self.curvature.horizontal, self.curvature.vertical))
+        straight = min(across, upright) < STRAIGHT * max(across, upright)
         for _ in range(MOST_MESHES):
-            write_stl(Path(path), self.plate.solid, asked)
+            write_stl(Path(path), self.plate.solid, asked, straight)
             reached = stl_deviation(read_stl(Path(path)), self.surface, self.outline)["height_max_mm"]
             if reached is not None and reached <= wanted:
                 return

@@ -17,6 +17,7 @@ app = App(
     name="mirror-cad",
     help="Design freeform mirrors on a CAD kernel and see, before anything is made, what they show.",
     version_flags=["--version"],
+    suppress_keyboard_interrupt=False,
     help_format="plaintext",  # markdown would double the time to start
     result_action="return_value",
 )
@@ -85,6 +86,9 @@ def _finish(metrics: dict[str, Any], missed: tuple[str, ...], as_json: bool) -> 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run a command and leave with its exit code: 0 done, 2 bad input, 3 done but something asked for is missed, 1 else."""
+    for name in ("stdout", "stderr"):  # closed by whoever started us: then nobody reads
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     # A polite end is an interrupt: what was begun is cleared away.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(run(arguments))

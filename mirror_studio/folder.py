@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import json
 import os
 import shutil
@@ -15,8 +16,9 @@ from mirror_cad.errors import SpecError, WriteError
 
 MANIFEST = "manifest.json"
 
-# Beside DIR, while a set is made:  .DIR.new-PID-…  being written;  .DIR.ready  complete, not yet in place;  .DIR.old  the
-# former set, between the two renames. Whatever a kill leaves of these, `heal` puts right at the next start.
+# Beside DIR, while a set is made:  .DIR.new-PID-…  being written;  .DIR.mirror-cad-ready  complete, not yet in place;
+# .DIR.mirror-cad-old  the former set, between the two renames. Whatever a kill leaves of these, `heal` puts right at the
+# next start.
 
 
 @contextlib.contextmanager
@@ -33,7 +35,10 @@ def new_set(out: Path) -> Iterator[Path]:
     try:
         heal(out)
         work.mkdir()
+        if out.exists():
+            shutil.copymode(out, work)
     except OSError as error:
+        _remove_empty(made)
         raise SpecError(f"--out {out}: no folder can be made beside it: {error.strerror}") from None
     try:
         yield work
@@ -43,9 +48,13 @@ def new_set(out: Path) -> Iterator[Path]:
         raise WriteError(f"{out}: the files could not be written: {error.strerror or error}; nothing was changed") from error
     finally:
         shutil.rmtree(work, ignore_errors=True)
-        for folder in made:  # empty unless the set arrived
-            with contextlib.suppress(OSError):
-                folder.rmdir()
+        _remove_empty(made)  # empty unless the set arrived
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def heal(out: Path) -> None:
@@ -67,7 +76,7 @@ def heal(out: Path) -> None:
 
 
 def _beside(out: Path) -> tuple[Path, Path]:
-    return out.parent / f".{out.name}.ready", out.parent / f".{out.name}.old"
+    return out.parent / f".{out.name}.mirror-cad-ready", out.parent / f".{out.name}.mirror-cad-old"
 
 
 def _check(out: Path) -> None:
@@ -104,13 +113,16 @@ def _carry_foreign_files(out: Path, work: Path) -> None:
     """Link or copy what `out` holds beside its former set into the new one; a file of the new set wins."""
     if not out.exists():
         return
-    own = {MANIFEST}
-    with contextlib.suppress(OSError, ValueError, AttributeError, TypeError):
-        own |= set(json.loads((out / MANIFEST).read_text("utf-8"))["files"])
+    own: dict[str, str] = {}
+    with contextlib.suppress(OSError, ValueError, AttributeError, TypeError, KeyError):
+        own = dict(json.loads((out / MANIFEST).read_text("utf-8"))["files"])
     for source in sorted(out.rglob("*")):
         relative = source.relative_to(out)
         target = work / relative
-        if str(relative) in own or target.exists() or target.is_symlink():
+        if target.exists() or target.is_symlink():
+            continue
+        # Of the former set is what its manifest names with the very content that it has now; all else is somebody's.
+        if source.is_file() and own.get(str(relative)) == hashlib.sha256(source.read_bytes()).hexdigest():
             continue
         if source.is_dir() and not source.is_symlink():
             # A folder that held only files of the former set is not foreign.

@@ -7,7 +7,7 @@ from typing import Any
 
 from mirror_cad.spec_file import load_spec
 from mirror_studio.folder import MANIFEST, new_set
-from mirror_studio.pipeline import Built, build_into, hashes, versions, write_json
+from mirror_studio.pipeline import Built, build_into, hashes, spec_as_json, versions, write_json
 from mirror_studio.progress import Progress
 
 FIGURE_5 = ("sphere-1250", "sphere-1050", "sphere-950")
@@ -42,7 +42,7 @@ def build_paper(out: Path, progress: Progress) -> tuple[dict[str, Any], tuple[st
             missed += [f"{name}: {text}" for text in built.missed]
             metrics[name] = built.metrics
             mirrors.append({"name": name, "metrics": built.metrics, "deviation": built.deviation.as_json(),
-                            "spec": built.mirror.spec.model_dump(mode="json", exclude_none=True)})
+                            "spec": spec_as_json(built.mirror.spec)})
         progress.step("figures, table 1 and page")
         figures = {}
         for number, title, names in (("5", "Fig. 5: spherical mirrors", FIGURE_5),

@@ -23,6 +23,7 @@ from mirror_cad.spec import MirrorSpec
 from mirror_studio import checks
 from mirror_studio.folder import MANIFEST, new_set
 from mirror_studio.progress import Progress
+from raytrace.errors import TraceError
 from raytrace.eye import eye_position
 from raytrace.image import Frame, driver_view, landing_points
 from raytrace.measures.field_of_view import traced_fields_of_view
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 
 # Rays for the comparison of STL and STEP: about one a square millimetre of mirror.
 COMPARISON_GRID = (241, 353)
+SMALLEST_BOX_MM = 1e-3  # a reflector seen edge-on, or a closed face without edges, has no frame to be drawn in
 PACKAGES = ("mirror-cad", "cadquery-ocp", "build123d", "cadquery", "numpy", "scipy", "numba", "embreex", "vtk", "pyvista")
 
 
@@ -139,7 +141,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> d
         if sheet is not None and reflector.surfaces[0].height_field is not None:
             metrics["lane_straightness_percent"]["traced"] = lane_straightness(sheet, eye, lane, box)
         write_json(folder / "metrics.json", metrics)
-        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec.model_dump(mode="json"),
+        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec_as_json(spec),
                     "versions": versions(), "files": hashes(folder)}
         write_json(folder / MANIFEST, manifest)
     progress.step(f"{path.name}: done, in {out}")
@@ -169,7 +171,7 @@ def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float 
     from raytrace.measures.field_of_view import angle_between
 
     columns = np.linspace(0.0, frame.columns, 20_001)
-    rows = np.full_like(columns, frame.top / frame.pixel)
+    rows = np.full_like(columns, frame.top / frame.pixel + 1e-3)  # beside y = 0, where a sphere's seam may run
     trace = reflect(reflector, eye, rays_through(frame, eye, columns, rows))
     seen = np.flatnonzero(trace.status == Status.REFLECTED)
     if seen.size < 2:
@@ -185,6 +187,9 @@ def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
         points = np.concatenate([surface.surface.evaluate(*np.clip(loop, *_corners(surface.surface.domain)).T)
                                  for surface in reflector.surfaces for loop in surface.loops])
     (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
+    if x_max - x_min < SMALLEST_BOX_MM or y_max - y_min < SMALLEST_BOX_MM:
+        raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks (along "
+                         "−z): the file must be in mirror coordinates, and its faces must have edges there")
     return float(x_min), float(x_max), float(y_min), float(y_max)
 
 
@@ -218,7 +223,7 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
     spec, fit = mirror.spec, mirror.fit
     return {
         "schema": 1,
-        "spec": spec.model_dump(mode="json", exclude_none=True),
+        "spec": spec_as_json(spec),
         "versions": versions(),
         "tolerances": {"position_mm": spec.surface.position_tolerance_mm,
                        "curvature_percent": spec.surface.curvature_tolerance_percent,
@@ -229,6 +234,19 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
         "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
         "notes": list(mirror.notes),
     }
+
+
+def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
+    """A specification as JSON holds it: without what was left out, and with an infinite radius as the text "inf"."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(item) for item in value]
+        return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+    return plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
 
 
 def versions() -> dict[str, str]:

@@ -76,8 +76,9 @@ def _height_field_kernel(powers):
                         # Clamped from below too: a ray that diverges to NaN becomes the most negative integer.
                         i = lookup_x[max(min(np.int32((inside_x - x_min) * bins_x), last_x), 0)]
                         j = lookup_y[max(min(np.int32((inside_y - y_min) * bins_y), last_y), 0)]
-                        i += np.int32(inside_x >= ends_x[i + 1])
-                        j += np.int32(inside_y >= ends_y[j + 1])
+                        # At the very end of the sheet the last cell goes on: there is none after it.
+                        i = min(i + np.int32(inside_x >= ends_x[i + 1]), ends_x.size - 3)
+                        j = min(j + np.int32(inside_y >= ends_y[j + 1]), ends_y.size - 3)
                         a[m] = inside_x - ends_x[i]
                         b[m] = inside_y - ends_y[j]
                         base[m] = (i * cells_y + j) * size

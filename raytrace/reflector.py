@@ -220,7 +220,7 @@ def load_reflector(path: str | Path) -> Reflector:
             sign = -1.0 if is_reversed(face.face) else 1.0
             surfaces.append(TrimmedSurface(face.surface, face_loops(face.face), sign, one_sided=named))
         else:
-            triangulate(face.face, OBSTACLE_DEFLECTION_MM)
+            triangulate(face.face, OBSTACLE_DEFLECTION_MM, straight=True)
             obstacles.append(face_mesh(face.face))
     return Reflector(tuple(surfaces), obstacles=_joined(obstacles))
 

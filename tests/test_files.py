@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import os
@@ -66,8 +67,6 @@ def test_every_file_of_the_contract_is_there_and_hashed(built: Path) -> None:
     assert manifest["schema"] == 1
     assert set(manifest) >= {"spec", "versions", "tolerances", "files"}
     assert set(manifest["files"]) == names - {"manifest.json"}
-    import hashlib
-
     for name, digest in manifest["files"].items():
         assert hashlib.sha256((built / name).read_bytes()).hexdigest() == digest
     assert [path.name for path in built.parent.iterdir()] == ["small"]
@@ -207,7 +206,8 @@ def old_set(out: Path) -> None:
     out.mkdir(parents=True)
     (out / "a.txt").write_text("old")
     (out / "gone.txt").write_text("old")
-    (out / MANIFEST).write_text(json.dumps({"files": {"a.txt": "", "gone.txt": ""}}))
+    digest = hashlib.sha256(b"old").hexdigest()
+    (out / MANIFEST).write_text(json.dumps({"files": {"a.txt": digest, "gone.txt": digest}}))
     (out / "mine").mkdir()
     (out / "mine" / "notes.txt").write_text("foreign")
 
@@ -245,11 +245,21 @@ def test_an_error_leaves_the_old_set_and_nothing_else(tmp_path: Path) -> None:
     assert [path.name for path in out.parent.iterdir()] == ["set"]
 
 
+def test_files_that_another_manifest_names_are_kept(tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    out.mkdir()
+    (out / "keep.txt").write_text("mine")
+    (out / MANIFEST).write_text(json.dumps({"name": "app", "files": ["keep.txt"]}))
+    with new_set(out) as folder:
+        write_new(folder)
+    assert (out / "keep.txt").read_text() == "mine"
+
+
 @pytest.mark.parametrize("stage", ["written", "ready", "between the renames", "after them"])
 def test_a_kill_at_any_stage_is_healed(tmp_path: Path, stage: str) -> None:
     out = tmp_path / "set"
     old_set(out)
-    ready, old = tmp_path / ".set.ready", tmp_path / ".set.old"
+    ready, old = tmp_path / ".set.mirror-cad-ready", tmp_path / ".set.mirror-cad-old"
     left = tmp_path / ".set.new-999999999-abc"
     (left if stage == "written" else ready).mkdir()
     write_new(left if stage == "written" else ready)
@@ -281,8 +291,6 @@ def test_killing_the_command_at_random_moments_leaves_a_whole_set(tmp_path: Path
     heal(out)
     names = json.loads((out / "manifest.json").read_text())["files"]
     assert set(names) | {"manifest.json", "mine.txt"} == {path.name for path in out.iterdir()}
-    import hashlib
-
     assert all(hashlib.sha256((out / name).read_bytes()).hexdigest() == digest for name, digest in names.items())
     assert [path.name for path in out.parent.iterdir()] == ["small"]
 

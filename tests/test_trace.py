@@ -170,6 +170,28 @@ def test_rays_that_diverge_beside_a_steep_sheet_are_data_and_no_crash() -> None:
     assert trace.counts()["reflected"] > 100_000
 
 
+def test_rays_at_the_very_edge_of_a_sheet_that_ends_there(tmp_path: Path) -> None:
+    """No margin and a blank like the outline: the feet of many rays are clamped to the sheet's last line of knots."""
+    mirror = mirror_cad.design(spec_of(constant(1250.0), constant(1250.0), blank={"width_mm": 230.0, "height_mm": 340.0},
+                                       export={"surface_margin_mm": 0.0}))
+    assert mirror.surface.domain[1] == 115.0
+    first = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, picture_rays())
+    again = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, picture_rays())
+    wide = raytrace.reflect(raytrace.Reflector.from_mirror(designed("sphere-1250")), EYE, picture_rays())
+    assert first.counts() == again.counts() == wide.counts()
+
+
+def test_step_placements_are_applied_once(tmp_path: Path) -> None:
+    import build123d
+
+    block = build123d.Solid.make_box(230, 300, 10).moved(build123d.Location((-115, -150, -10)))
+    build123d.export_step(block, str(tmp_path / "block.step"))
+    reflector = raytrace.load_reflector(tmp_path / "block.step")
+    trace = raytrace.reflect(reflector, EYE, np.array([[-115.0, 0.0, -EYE[2]], [-10.0, 149.0, -EYE[2]]]))
+    assert trace.status.tolist() == [0, 0]
+    assert trace.points == pytest.approx(np.array([[0.0, 0.0, 0.0], [105.0, 149.0, 0.0]]), abs=1e-9)
+
+
 def test_fields_of_view_of_table_1() -> None:
     for name, v in (("progressive-a", 49.4), ("progressive-b", 46.8), ("progressive-c", 42.8)):
         section = np.degrees(designed(name).section_fields_of_view())

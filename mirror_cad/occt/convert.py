@@ -15,7 +15,6 @@ from OCP.TColgp import TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 from OCP.TopAbs import TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from mirror_cad.bspline import BSplineSurface
@@ -81,12 +80,9 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
     converted = TopoDS.Face_s(converter.Shape())
     adaptor = BRepAdaptor_Surface(converted, False)
     try:
-        geom = adaptor.BSpline()
+        geom = adaptor.BSpline()  # where the face's location puts it
     except Exception as error:
         raise SurfaceError(f"a face's surface cannot be turned into a B-spline: {error}") from None
-    location: TopLoc_Location = converted.Location()
-    if not location.IsIdentity():
-        geom = geom.Transformed(location.Transformation())
     return from_geom_surface(geom), converted
 
 

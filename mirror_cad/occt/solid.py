@@ -135,12 +135,14 @@ def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: floa
     d = surface.derivatives(x, y)
     wanted = d["s"] - thickness_mm * normals(d["u"], d["v"])
     knots_u, knots_v = _knots_for_normals(surface.knots_u, degree), _knots_for_normals(surface.knots_v, degree)
-    for _ in range(4):
+    for attempt in range(4):
         back = collocate(offset, knots_u, knots_v, degree)
         error = float(np.linalg.norm(back.evaluate(x, y) - wanted, axis=1).max())
         if error <= BACK_TOLERANCE_MM:
             return back, error
-        knots_u, knots_v = _with_middles(knots_u), _with_middles(knots_v)
+        # Knots that are not ours can be crowded so that collocation on them is useless: even ones serve a smooth surface.
+        spans = 24 * 2**attempt
+        knots_u, knots_v = (_even_knots(knots, degree, spans) for knots in (surface.knots_u, surface.knots_v))
     raise SolidError(f"the back of the plate stays {error:.2g} mm from the true offset (at most {BACK_TOLERANCE_MM:g} mm "
                      "is allowed): the surface bends too sharply for this glass.thickness_mm")
 
@@ -153,9 +155,8 @@ def _knots_for_normals(knots: Array, degree: int) -> Array:
     return np.repeat(values, counts)
 
 
-def _with_middles(knots: Array) -> Array:
-    values = np.unique(knots)
-    return np.sort(np.concatenate([knots, 0.5 * (values[:-1] + values[1:])]))
+def _even_knots(knots: Array, degree: int, spans: int) -> Array:
+    return np.concatenate([[knots[0]] * degree, np.linspace(knots[0], knots[-1], spans + 1), [knots[-1]] * degree])
 
 
 # --- topology --------------------------------------------------------------------------------------------------------

@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 
+# An image whose tangent rises less than this share of the width is level: what is left of it is the roots' rounding.
+LEVEL = 1e-6
+
+
 @dataclass(frozen=True, slots=True)
 class StraightLane:
     """Y = y0 + slope·(X − x0) in the reference plane z = plane_z_mm, mm, as seen in the mirror: X right, Y up."""
@@ -53,7 +57,7 @@ def lane_straightness(surface: BSplineSurface, eye: Array, lane: StraightLane, b
 
     Δy_curve: from where the lane's image crosses the right edge to where it crosses the left edge. Δy_line: the same
     traverse along the tangent of the image at the right edge, a straight line. The more the lane bends, the larger.
-    None where the lane's image does not cross both edges of the surface.
+    None where the lane's image does not cross both edges of the surface, or is level at the right one.
     Source: table 1 and section 3.3 of Lee et al. (2014), read literally.
     """
     x_min, x_max = box[0], box[1]
@@ -69,4 +73,6 @@ def lane_straightness(surface: BSplineSurface, eye: Array, lane: StraightLane, b
     right = np.array(at_right, dtype=np.float64)
     tangent = float(np.array([25.0, -48.0, 36.0, -16.0, 3.0]) @ right) / (12.0 * h)
     line = -tangent * width
-    return 100.0 * (abs(left - right[0]) - abs(line)) / abs(line) if line != 0.0 else None
+    if abs(line) < LEVEL * width:
+        return None
+    return 100.0 * (abs(left - right[0]) - abs(line)) / abs(line)

@@ -103,6 +103,11 @@ def load_picture(image: str | Path) -> Picture:
             if width * height > MOST_PIXELS:
                 raise SceneError(f"{image}: {width} × {height} elements are too many (at most {MOST_PIXELS // 10**6} million "
                                  "are read): scale the picture down")
+            if picture.mode.startswith("I;16"):  # Pillow would cut such values off at 255, not scale them
+                gray = (np.asarray(picture, dtype=np.uint16) >> 8).astype(np.uint8)
+                return np.repeat(gray[..., None], 3, axis=2)
+            if picture.mode in ("I", "F"):
+                raise SceneError(f"{image}: values of 32 bits have no agreed white: save the picture with 8 or 16 bits")
             return np.asarray(picture.convert("RGB"), dtype=np.uint8)
     except FileNotFoundError:
         raise SceneError(f"{image}: no such picture (scene.image is \"road\" or a picture file)") from None
