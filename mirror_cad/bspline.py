@@ -61,11 +61,19 @@ class BSplineSurface:
         orders = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}
         return {key: d[..., i, j, :] for key, (i, j) in orders.items()}
 
-    def on_grid(self, u: Array, v: Array) -> dict[str, Array]:
-        """`derivatives` on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products."""
-        bu, bv = _dense_basis(self.knots_u, self.degree_u, u, 2), _dense_basis(self.knots_v, self.degree_v, v, 2)
-        homogeneous = self._homogeneous()
+    def on_grid(self, u: Array, v: Array, component: int | None = None) -> dict[str, Array]:
+        """`derivatives` on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products.
+
+        component : 0, 1 or 2 gives that coordinate alone, (m, n); only where there are no weights.
+        """
+        bu, bv = dense_basis(self.knots_u, self.degree_u, u, 2), dense_basis(self.knots_v, self.degree_v, v, 2)
         orders = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}
+        if component is not None:
+            if self.weights is not None:
+                raise SurfaceError("one coordinate alone is not defined by the poles of a rational surface")
+            along_u = bu @ self.poles[..., component]
+            return {key: along_u[i] @ bv[j].T for key, (i, j) in orders.items()}
+        homogeneous = self._homogeneous()
         parts = {key: np.einsum("ai,ijc,bj->abc", bu[i], homogeneous, bv[j], optimize=True)
                  for key, (i, j) in orders.items()}
         if self.weights is None:
@@ -112,6 +120,14 @@ class BSplineSurface:
                                f"({u_min:.6g}, {v_min:.6g}) to ({u_max:.6g}, {v_max:.6g})")
 
 
+def greville_abscissae(knots: Array, degree: int) -> Array:
+    """g_i = (t_i+1 + … + t_i+p)/p: the collocation sites, and the poles of the identity."""
+    windows = np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree)
+    sites: Array = windows.mean(axis=1)
+    sites[0], sites[-1] = knots[0], knots[-1]
+    return sites
+
+
 def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[NDArray[np.int64], Array]:
     """The degree + 1 B-splines that live at each u and their derivatives up to `order` (0 to 2).
 
@@ -134,25 +150,30 @@ def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[ND
 
 
 def _raise_degree(knots: Array, span: NDArray[np.int64], p: int, u: Array, lower: Array) -> Array:
+    right, left = _supports(knots, span, p)
+    share = lower / (right - left)
     out = np.zeros((u.size, p + 1))
-    for j in range(p):
-        right, left = knots[span + j + 1], knots[span + j + 1 - p]
-        share = lower[:, j] / (right - left)
-        out[:, j] += (right - u) * share
-        out[:, j + 1] += (u - left) * share
+    out[:, :p] = (right - u[:, None]) * share
+    out[:, 1:] += (u[:, None] - left) * share
     return out
 
 
 def _differentiate(knots: Array, span: NDArray[np.int64], p: int, lower: Array) -> Array:
+    right, left = _supports(knots, span, p)
+    share = p * lower / (right - left)
     out = np.zeros((lower.shape[0], p + 1))
-    for j in range(p):
-        share = p * lower[:, j] / (knots[span + j + 1] - knots[span + j + 1 - p])
-        out[:, j] -= share
-        out[:, j + 1] += share
+    out[:, :p] = -share
+    out[:, 1:] += share
     return out
 
 
-def _dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:
+def _supports(knots: Array, span: NDArray[np.int64], p: int) -> tuple[Array, Array]:
+    """The ends t_i+p and t_i of the supports that two neighbouring B-splines of degree p share, (n, p) each."""
+    right = knots[span[:, None] + np.arange(1, p + 1)]
+    return right, knots[span[:, None] + np.arange(1 - p, 1)]
+
+
+def dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:
     """Basis values and derivatives as full matrices (order + 1, n, poles)."""
     first, local = basis_functions(knots, degree, u, order)
     full = np.zeros((order + 1, u.size, len(knots) - degree - 1))

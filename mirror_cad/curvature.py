@@ -74,7 +74,10 @@ class CurvatureLaw:
         return approximate(checked, [x_min, *inner, x_max])
 
     def all_breaks(self, series: PiecewiseChebyshev) -> tuple[Break, ...]:
-        """The announced breaks inside the series' interval and those that only its pieces show."""
+        """The announced breaks inside the series' interval and those that only its pieces show.
+
+        A kink that nobody announced either has pieces crowd around it, or lies by chance just where two pieces meet.
+        """
         x_min, x_max = float(series.breaks[0]), float(series.breaks[-1])
         found = [b for b in self.breaks if x_min < b.x_mm < x_max]
         for x in series.tight_breaks(HIDDEN_BREAK_MM):
@@ -82,6 +85,9 @@ class CurvatureLaw:
                 left, right = self.function(np.array([x - 1e-4, x + 1e-4]))
                 jump = abs(right - left) > 1e-3 * float(np.abs(series.coefficients).max())
                 found.append(Break(x, -1 if jump else 0))
+        for x, smoothness in series.joints():
+            if all(abs(x - b.x_mm) > 1e-3 for b in found):
+                found.append(Break(x, smoothness))
         return tuple(sorted(found, key=lambda b: b.x_mm))
 
 
@@ -153,20 +159,27 @@ def expression(formula: str, span: Span, of: str) -> CurvatureLaw:
     return CurvatureLaw(kappa, (Break(span.left_mm, 0), Break(span.right_mm, 0)), f"expression law {formula!r}")
 
 
-def eased_beyond(law: CurvatureLaw, x_min: float, x_max: float) -> CurvatureLaw:
+def eased_beyond(law: CurvatureLaw, x_min: float, x_max: float, largest: float) -> CurvatureLaw:
     """The law as it is on [x_min, x_max], continued beyond without a kink: κ, κ′ and κ″ go on and level off.
 
     κ(e + d) = κ(e) + κ′·L·tanh(d/L) + κ″/2·(L·tanh(d/L))², with the one-sided derivatives at the edge e and L a
-    tenth of the width. A vertical law needs this: its kink at the mirror's edge would be a crease in the surface
-    around the mirror, where a cutter still has to run (docs/decisions/0002-sheet-beyond-the-outline.md).
+    tenth of the width, or less where |κ| would come more than half the way from κ(e) to `largest`. A vertical law needs
+    this: its kink at the mirror's edge would be a crease in the surface around the mirror, where a cutter still has to run
+    (docs/decisions/0002-sheet-beyond-the-outline.md).
     """
-    length = 0.1 * (x_max - x_min)
     inside = law.series(x_min, x_max)
     first = inside.derivative()
     second = first.derivative()
+    lengths = {}
+    for edge in (x_min, x_max):
+        room = 0.5 * max(largest - abs(float(inside(edge))), 0.0)
+        slope, bend = abs(float(first(edge))), abs(float(second(edge)))
+        lengths[edge] = min([0.1 * (x_max - x_min), *([0.5 * room / slope] if slope else []),
+                             *([np.sqrt(room / bend)] if bend else [])])
 
     def kappa(x: Array) -> Array:
         edge = np.clip(x, x_min, x_max)
+        length = np.maximum(np.where(x < x_min, lengths[x_min], lengths[x_max]), np.finfo(float).tiny)
         eased = length * np.tanh((x - edge) / length)
         beyond = inside(edge) + first(edge) * eased + 0.5 * second(edge) * eased**2
         return np.where(x == edge, law.function(edge), beyond)

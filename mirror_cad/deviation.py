@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from mirror_cad.differential import (
     mean_curvature_and_difference,
     normals,
     principal_curvatures_of,
+    rms_norm,
     shape_operator,
     shape_operator_of_sag,
 )
@@ -21,7 +23,7 @@ from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline
 from mirror_cad.piecewise import PiecewiseChebyshev
-from mirror_cad.sections import DecoupledSag
+from mirror_cad.sections import DecoupledSag, Sag, SagDerivatives
 
 Array = NDArray[np.float64]
 
@@ -45,7 +47,7 @@ class DesignedCurvature:
     def rms(self, outline: Outline) -> float:
         """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm."""
         grid = Grid.over(outline)
-        return _rms_norm(self.shape(grid.x), grid.weights)
+        return rms_norm(self.shape(grid.x), grid.weights)
 
     def percent_of(self, x: Array, rms: float) -> Array:
         """What counts as 100 % at x for k1 and k2, (n, 2): the designed pair, larger first, not below the floor."""
@@ -57,15 +59,16 @@ class Stage:
     """A surface as one stage leaves it, at the grid: shape operator (1/mm), height (mm) and unit normals."""
 
     shape: ShapeOperator
-    height: Array | None = None
-    normal: Array | None = None
+    height: Array
+    normal: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvatureDeviation:
     """What `deviation.json` holds, and the fields behind it for maps.
 
-    stages, total : as in the contract.   numerical, part : the verdicts; part is None without a limit.
+    stages, total, explained, chain : as in deviation.json.   numerical, part : the verdicts; part is None without a limit.
+    states : the shape operator (1/mm), height and normals that the design and each stage leave, at the grid.
     designed, realised : shape operators at the grid.   percent : signed deviation of k1, k2, kx, ky and twist in
     percent at the grid, or None for a plane.
     """
@@ -73,15 +76,19 @@ class CurvatureDeviation:
     grid: Grid
     stages: dict[str, dict[str, Any]]
     total: dict[str, Any]
+    explained: dict[str, Any]
+    chain: dict[str, Any]
     numerical: bool
     part: bool | None
+    states: dict[str, Stage]
     designed: ShapeOperator
     realised: ShapeOperator
     percent: dict[str, Array] | None
 
     def as_json(self) -> dict[str, Any]:
         """The contract's deviation.json."""
-        return {"stages": self.stages, "total": self.total, "verdicts": {"numerical": self.numerical, "part": self.part}}
+        return {"stages": self.stages, "total": self.total, "explained": self.explained, "chain_arcmin": self.chain,
+                "verdicts": {"numerical": self.numerical, "part": self.part}}
 
     def power_maps(self) -> dict[str, Array]:
         """Km and Ka of eq. 1, designed and realised, 1/m, as rectangles."""
@@ -93,55 +100,94 @@ class CurvatureDeviation:
 
 
 def compare_stages(
-    curvature: DesignedCurvature, outline: Outline, exact: DecoupledSag, integrated: DecoupledSag,
+    curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag, model: Sag, integrated: Sag,
     fitted: BSplineSurface, read_back: BSplineSurface, stl: SurfaceMesh,
     position_tolerance_mm: float, curvature_tolerance_percent: float, limit_percent: float | None,
 ) -> CurvatureDeviation:
     """Each stage against the one before: design → model → integration → fit → step; total against the design.
 
-    model: the exact decoupled surface, what no numerics can remove. integration: its profile as integrated.
+    model: the exact surface of the chosen method, what no numerics can remove. integration: its profile as integrated.
     fit: the B-spline. step: that B-spline as read back. stl: the triangles' height and facet normals.
-    The curvature parts add up: at every place the sum of the stages' kx (ky, twist) is the total's.
+    The parts add up: at every place the sum of the stages' kx (ky, twist, sag) is the total's.
+    Curvatures alone have no sag and no slope: those of `model` and `total` are against the exact decoupled surface.
     """
     grid = Grid.over(outline)
-    designed = Stage(curvature.shape(grid.x))
-    stages = {"model": _of_sag(exact, grid), "integration": _of_sag(integrated, grid),
-              "fit": _of_surface(fitted, grid), "step": _of_surface(read_back, grid)}
-    rms = _rms_norm(designed.shape, grid.weights)
-    results: dict[str, dict[str, Any]] = {}
-    before = designed
-    for name, stage in stages.items():
-        results[name] = _deviation(stage, before, designed.shape, rms, grid)
-        before = stage
-    # The decoupled surface is the model: it has no sag or slope of its own to miss.
-    results["model"] |= {"sag_max_mm": 0.0, "slope_max_arcsec": 0.0}
-    final = stages["step"]
-    # Sag and slope have no meaning against curvatures alone: the total's are against the exact model.
-    total = _deviation(final, Stage(designed.shape, stages["model"].height, stages["model"].normal), designed.shape, rms, grid)
+    against = _of_sag(decoupled, grid)
+    designed = Stage(curvature.shape(grid.x), against.height, against.normal)
+    states = {"design": designed, "model": against if model is decoupled else _of_sag(model, grid),
+              "integration": _of_sag(integrated, grid), "fit": _of_surface(fitted, grid), "step": _of_surface(read_back, grid)}
+    rms = rms_norm(designed.shape, grid.weights)
+    names = list(states)
+    results = {name: _deviation(states[name], states[before], designed.shape, rms, grid)
+               for before, name in itertools.pairwise(names)}
+    final = states["step"]
+    total = _deviation(final, designed, designed.shape, rms, grid)
     results["stl"] = stl_deviation(stl, fitted, outline)
 
     numerical = all(_within(results[name], position_tolerance_mm, curvature_tolerance_percent)
                     for name in ("integration", "fit", "step"))
     # A limit in percent says nothing of a plane.
     part = None if limit_percent is None or rms == 0.0 else _within(total, np.inf, limit_percent)
-    return CurvatureDeviation(grid, results, total, numerical, part, designed.shape, final.shape,
+    return CurvatureDeviation(grid, results, total, _explained(states, rms, grid), _chain(results, final, limit_percent),
+                              numerical, part, states, designed.shape, final.shape,
                               _percent_fields(final.shape, designed.shape, designed.shape, rms))
 
 
-def _of_sag(sag: DecoupledSag, grid: Grid) -> Stage:
-    d = sag.derivatives(grid.x, grid.y)
+def against_design(curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag,
+                   surface: BSplineSurface) -> dict[str, Any]:
+    """The entry that deviation.json has as `total`, of any surface with u = x, v = y."""
+    grid = Grid.over(outline)
+    before = _of_sag(decoupled, grid)
+    designed = Stage(curvature.shape(grid.x), before.height, before.normal)
+    return _deviation(_of_surface(surface, grid), designed, designed.shape, rms_norm(designed.shape, grid.weights), grid)
+
+
+def _explained(states: dict[str, Stage], rms: float, grid: Grid) -> dict[str, Any]:
+    """How much of the total is the model's, how much is numerical, and what the stages' sum leaves of the total."""
+    shapes = [state.shape for state in states.values()]
+    steps = [_minus(after, before) for before, after in itertools.pairwise(shapes)]
+    total = _minus(shapes[-1], shapes[0])
+    left = max(float(np.abs(whole - sum(parts)).max()) for whole, *parts in zip(total, *steps, strict=True))
+    parts = {"model": steps[0], "numerical": _minus(shapes[-1], shapes[1]), "total": total}
+    result: dict[str, Any] = {f"{name}_shape_rms_percent": None if rms == 0.0 else
+                              100.0 * rms_norm(shape, grid.weights) / rms for name, shape in parts.items()}
+    return result | {"unexplained_max_per_m": 1e3 * left}
+
+
+def _chain(results: dict[str, dict[str, Any]], final: Stage, limit_percent: float | None) -> dict[str, Any]:
+    """What each link may turn a reflected ray by, arc minutes: twice the surface's slope error.
+
+    glass : a curvature that is off by the part's limit (by 1 % where none is stated) from the centre to the edge.
+    """
+    degrees = results["stl"]["normal_max_deg"]
+    steepest = float(np.arccos(np.clip(final.normal[:, 2], -1.0, 1.0)).max())
+    share = 0.01 * (1.0 if limit_percent is None else limit_percent)
+    return {"kernel": (results["integration"]["slope_max_arcsec"] + results["fit"]["slope_max_arcsec"]) / 30.0,
+            "file": results["step"]["slope_max_arcsec"] / 30.0,
+            "mesh": None if degrees is None else 120.0 * degrees,
+            "glass": float(np.degrees(2.0 * share * steepest)) * 60.0,
+            "glass_percent": 100.0 * share,
+            "eye": 1.0}
+
+
+def _minus(after: ShapeOperator, before: ShapeOperator) -> ShapeOperator:
+    return ShapeOperator(*(a - b for a, b in zip(after, before, strict=True)))
+
+
+def _of_sag(sag: Sag, grid: Grid) -> Stage:
+    cells = sag.derivatives(grid.cells_x[:, None], grid.cells_y)
+    edge = sag.derivatives(grid.x[grid.edge], grid.y[grid.edge])
+    d = SagDerivatives(*(np.concatenate([np.broadcast_to(a, grid.inside.shape)[grid.inside], b])
+                         for a, b in zip(cells, edge, strict=True)))
     normal = np.stack([-d.zx, -d.zy, np.ones_like(d.z)], axis=-1)
     return Stage(shape_operator_of_sag(d), d.z, normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
 def _of_surface(surface: BSplineSurface, grid: Grid) -> Stage:
-    d = surface.derivatives(grid.x, grid.y)
+    cells = surface.on_grid(grid.cells_x, grid.cells_y)
+    edge = surface.derivatives(grid.x[grid.edge], grid.y[grid.edge])
+    d = {key: np.concatenate([cells[key][grid.inside], edge[key]]) for key in cells}
     return Stage(shape_operator(d), d["s"][..., 2], normals(d["u"], d["v"]))
-
-
-def _rms_norm(shape: ShapeOperator, weights: Array) -> float:
-    square = shape.w11**2 + shape.w22**2 + 2.0 * shape.w12**2
-    return float(np.sqrt(np.average(square, weights=weights)))
 
 
 def _percent_scale(designed: ShapeOperator, rms: float) -> Array:
@@ -177,16 +223,27 @@ def _deviation(after: Stage, before: Stage, designed: ShapeOperator, rms: float,
         result[f"{key}_rms_percent"] = None if percent is None else float(
             np.sqrt(np.average(ranked**2, weights=grid.weights)))
         result[f"{key}_max_per_m"] = 1e3 * float(value[_place_of_largest(np.abs(value), grid)])
-        result[f"{key}_max_at_mm"] = [float(grid.x[worst]), float(grid.y[worst])]
-    difference = ShapeOperator(*(a - b for a, b in zip(after.shape, before.shape, strict=True)))
-    result["shape_rms_percent"] = None if rms == 0.0 else 100.0 * _rms_norm(difference, grid.weights) / rms
-    if before.height is not None and after.height is not None:
-        sag = after.height - before.height
-        result["sag_max_mm"] = float(sag[np.argmax(np.abs(sag))])
-        # |n − m| = 2·sin(angle/2): arccos of n·m would lose the small angles that matter here.
-        chord = np.linalg.norm(np.asarray(after.normal) - np.asarray(before.normal), axis=-1)
-        result["slope_max_arcsec"] = float(2.0 * np.arcsin(0.5 * chord.max()) * ARCSEC)
-    return result
+        result[f"{key}_max_at_mm"] = _place(grid, worst)
+    difference = _minus(after.shape, before.shape)
+    size = np.sqrt(difference.w11**2 + difference.w22**2 + 2.0 * difference.w12**2)
+    worst = _place_of_largest(size, grid)
+    average = rms_norm(difference, grid.weights)
+    result |= {"shape_max_percent": None if rms == 0.0 else 100.0 * float(size[worst]) / rms,
+               "shape_rms_percent": None if rms == 0.0 else 100.0 * average / rms,
+               "shape_max_per_m": 1e3 * float(size[worst]), "shape_rms_per_m": 1e3 * average,
+               "shape_max_at_mm": _place(grid, worst)}
+    sag = after.height - before.height
+    worst = _place_of_largest(np.abs(sag), grid)
+    result |= {"sag_max_mm": float(sag[worst]), "sag_max_at_mm": _place(grid, worst)}
+    # |n − m| = 2·sin(angle/2): arccos of n·m would lose the small angles that matter here.
+    chord = np.linalg.norm(after.normal - before.normal, axis=-1)
+    worst = _place_of_largest(chord, grid)
+    return result | {"slope_max_arcsec": float(2.0 * np.arcsin(0.5 * chord[worst]) * ARCSEC),
+                     "slope_max_at_mm": _place(grid, worst)}
+
+
+def _place(grid: Grid, index: int) -> list[float]:
+    return [float(grid.x[index]), float(grid.y[index])]
 
 
 def _place_of_largest(size: Array, grid: Grid) -> int:

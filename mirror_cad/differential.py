@@ -87,6 +87,11 @@ def shape_operator_of_sag(d: SagDerivatives) -> ShapeOperator:
     )
 
 
+def rms_norm(w: ShapeOperator, weights: Array) -> float:
+    """√(Σ weight·‖W‖²/Σ weight) with the Frobenius norm, 1/mm."""
+    return float(np.sqrt(np.average(w.w11**2 + w.w22**2 + 2.0 * w.w12**2, weights=weights)))
+
+
 def principal_curvatures_of(w: ShapeOperator) -> tuple[Array, Array]:
     """κ1 ≥ κ2: (W11 + W22)/2 ± √(((W11 − W22)/2)² + W12²), which loses no digits at umbilics."""
     mean = 0.5 * (w.w11 + w.w22)

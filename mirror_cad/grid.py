@@ -46,6 +46,11 @@ class Grid:
         return Grid(np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]), weights,
                     cells_x, cells_y, inside)
 
+    @property
+    def edge(self) -> slice:
+        """Which of the places lie on the edge."""
+        return slice(int(self.inside.sum()), len(self.x))
+
     def as_map(self, values: Array) -> Array:
         """Values at (x, y) as a rectangle (cells_x, cells_y), NaN outside the outline."""
         rectangle = np.full(self.inside.shape, np.nan)

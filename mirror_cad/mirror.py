@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from mirror_cad import fit as fitting
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.curvature import Span, eased_beyond
-from mirror_cad.deviation import CurvatureDeviation, DesignedCurvature, compare_stages, stl_deviation
+from mirror_cad.deviation import CurvatureDeviation, DesignedCurvature, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
+from mirror_cad.faithful import Faithful, closest_surface, rest_breaks
 from mirror_cad.fit import Fit, FitTask
 from mirror_cad.laws import law_from, solve_match
 from mirror_cad.outline import Outline, truck_outline
@@ -28,7 +29,7 @@ from mirror_cad.profile import (
     section_fov,
     sine_of_tangent_angle,
 )
-from mirror_cad.sections import DecoupledSag, check_circles, existing_half_height
+from mirror_cad.sections import DecoupledSag, Sag, check_circles, existing_half_height
 from mirror_cad.spec import MirrorSpec
 
 if TYPE_CHECKING:
@@ -38,8 +39,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
-STRAIGHT = 0.01  # of the larger curvature: below it a surface counts as straight in the other direction
-MOST_MESHES = 5  # tries at a mesh within its deflection; two are the rule where one is not enough
+STL_ROUNDING = float(np.finfo(np.float32).eps)  # relative: half a step for each of two corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,10 @@ class Mirror:
     """A designed mirror. Frame: mm, x right, y up, z towards the driver; origin at the centre of the surface.
 
     surface : u = x, v = y.   outline : closed curve in (x, y).   box : the outline's (x_min, x_max, y_min, y_max).
-    curvature : the design.   exact, integrated : the sag by exact quadrature, and by the method the spec names.
-    fit : how the surface was fitted and what it reached.   matched : the key and value that `match` was solved for.
+    curvature : the design.   exact : the sag of the decoupled surface by exact quadrature.   model : the exact sag of the
+    method that the spec names; that same one, or the faithful one.   integrated : the model with its profile as integrated.
+    faithful : how the faithful surface was found, or None.   fit : how the surface was fitted and what it reached.
+    matched : the key and value that `match` was solved for.
     notes : what a user should know and no error says.
     """
 
@@ -58,7 +60,9 @@ class Mirror:
     box: Box
     curvature: DesignedCurvature
     exact: DecoupledSag
-    integrated: DecoupledSag
+    model: Sag
+    integrated: Sag
+    faithful: Faithful | None
     fit: Fit
     matched: tuple[str, float] | None
     notes: tuple[str, ...]
@@ -102,24 +106,26 @@ class Mirror:
         write_step(Path(path), parts, name)
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
-        """Write the plate as binary STL, no optical facet farther than the absolute deflection from the surface.
+        """Write the plate as binary STL, no facet farther than the absolute deflection from its face; default: the spec's.
 
-        The kernel's mesher takes a deflection as advice: what it made is measured, and made finer until it holds.
-        Raises: WriteError where it cannot be written or does not come to hold.
+        Raises: WriteError for a deflection that is not positive and finite or that no STL of this plate can hold, and
+        where the file cannot be written.
         """
-        from mirror_cad.occt.tessellate import read_stl, write_stl
+        from mirror_cad.occt.plate_mesh import plate_mesh
+        from mirror_cad.occt.tessellate import write_mesh
 
-        wanted = asked = deflection_mm or self.spec.export.stl_deflection_mm
-        x = np.linspace(self.box[0], self.box[1], 201)
-        across, upright = (float(np.abs(law(x)).max()) for law in (self.curvature.horizontal, self.curvature.vertical))
-        straight = min(across, upright) < STRAIGHT * max(across, upright)
-        for _ in range(MOST_MESHES):
-            write_stl(Path(path), self.plate.solid, asked, straight)
-            reached = stl_deviation(read_stl(Path(path)), self.surface, self.outline)["height_max_mm"]
-            if reached is not None and reached <= wanted:
-                return
-            asked *= 0.7 * min(wanted / (reached or wanted), 1.0)
-        raise WriteError(f"{path}: the mesh stays {reached} mm from the surface, {wanted:g} mm were asked for")
+        wanted = self.spec.export.stl_deflection_mm if deflection_mm is None else deflection_mm
+        if not 0.0 < wanted < np.inf:
+            raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: it must be finite and above 0")
+        rounding = STL_ROUNDING * float(np.abs(self.plate.back.poles).max())
+        if wanted < 2.0 * rounding:
+            raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: STL rounds the corners of this plate to "
+                             f"{rounding:.1g} mm; ask for {2.0 * rounding:.1g} mm or more")
+        try:
+            mesh = plate_mesh(self.surface, self.plate.back, self.outline, wanted - rounding)
+        except WriteError as error:
+            raise WriteError(f"{path}: {error}") from None
+        write_mesh(Path(path), mesh)
 
     def sheet_box(self) -> Box:
         """The outline's box with the margin of [export] on every side, as far as the surface exists."""
@@ -154,8 +160,9 @@ class Mirror:
                 faces = read_step_faces(Path(folder) / "mirror.step")
                 read_back = next(face.surface for face in faces if face.name == OPTICAL_FACE)
                 stl = read_stl(Path(folder) / "mirror.stl")
-        return compare_stages(self.curvature, self.outline, self.exact, self.integrated, self.surface, read_back, stl,
-                              self.spec.surface.position_tolerance_mm, self.spec.surface.curvature_tolerance_percent,
+        return compare_stages(self.curvature, self.outline, self.exact, self.model, self.integrated, self.surface,
+                              read_back, stl, self.spec.surface.position_tolerance_mm,
+                              self.spec.surface.curvature_tolerance_percent,
                               self.spec.limits.curvature_percent)
 
     def to_build123d(self) -> Any:
@@ -187,7 +194,7 @@ def design(spec: MirrorSpec) -> Mirror:
     half_height = max(abs(y_min), abs(y_max))
     check_profile(sine_of_tangent_angle(horizontal.series(min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
-    vertical = eased_beyond(vertical, x_min, x_max)
+    vertical = eased_beyond(vertical, x_min, x_max, 1.0 / half_height)
     wanted, notes = _wanted_domain(spec, box), []
     check_circles(vertical.series(wanted[0], wanted[1]), x_min, x_max, half_height)
 
@@ -205,19 +212,28 @@ def design(spec: MirrorSpec) -> Mirror:
     profile = exact_profile
     if surface_spec.integration != "quadrature":
         profile = march(kappa, exact_profile, surface_spec.integration, surface_spec.step_mm or 1.0)
-    exact, integrated = DecoupledSag(exact_profile, kappa_2), DecoupledSag(profile, kappa_2)
+    exact = DecoupledSag(exact_profile, kappa_2)
     designed = DesignedCurvature(kappa, kappa_2)
+    breaks = horizontal.all_breaks(kappa), vertical.all_breaks(kappa_2)
+    degree, spans = surface_spec.degree, surface_spec.spans
+    faithful: Faithful | None = None
+    model: Sag = exact
+    integrated: Sag = exact if profile is exact_profile else DecoupledSag(profile, kappa_2)
+    sheet, ends = fitting.sheet_breaks(*breaks), None
+    if surface_spec.method == "faithful":
+        faithful = closest_surface(designed, outline, exact, domain, rest_breaks(*breaks), degree, spans)
+        model = integrated = faithful.sag
+        sheet, ends, degree = fitting.sheet_breaks((*breaks[0], *breaks[1]), ()), faithful.ends, faithful.degree
     rms = designed.rms(outline)
-    task = FitTask(integrated, domain, box, fitting.sheet_breaks(horizontal.all_breaks(kappa), vertical.all_breaks(kappa_2)),
-                   lambda x: designed.percent_of(x, rms), surface_spec.position_tolerance_mm,
-                   surface_spec.curvature_tolerance_percent)
+    task = FitTask(integrated, domain, box, sheet, lambda x: designed.percent_of(x, rms),
+                   surface_spec.position_tolerance_mm, surface_spec.curvature_tolerance_percent, ends)
     if surface_spec.fit == "collocation":
-        fit = fitting.fit_by_collocation(task, surface_spec.degree, surface_spec.spans)
+        fit = fitting.fit_by_collocation(task, degree, spans)
     else:
         from mirror_cad.occt.fit import fit_by_kernel
 
         fit = fit_by_kernel(task, surface_spec.fit)
-    return Mirror(spec, fit.surface, outline, box, designed, exact, integrated, fit, matched, tuple(notes))
+    return Mirror(spec, fit.surface, outline, box, designed, exact, model, integrated, faithful, fit, matched, tuple(notes))
 
 
 def _outline(spec: MirrorSpec) -> Outline:

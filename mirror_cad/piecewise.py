@@ -6,6 +6,7 @@ import heapq
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -19,15 +20,19 @@ DEGREE = 24
 # A piece is resolved when its last three coefficients lie below this share of the function's largest value:
 # a few units of rounding, so that halving further gains nothing.
 RESOLVED = 4e-15
+ROUNDING = 1e-16  # of the function's largest value: half of what float64 resolves there
 # A piece this small against the whole interval is not halved again: what is left there is a kink or a jump.
 SMALLEST_PIECE = 1e-10
 # Below this share a tail that halving no longer shrinks fast is the function's own rounding noise, not structure.
 NOISE = 1e-10
+# A jump of a derivative, times the narrower piece's width to its order, above this share of the function's size is no rounding:
+# a series of degree 24 has its second derivative to some 1e-11.
+JUMP = 1e-8
 MOST_PIECES = 4096  # a second of work
 ROUGHEST = 1e-6  # of the function's size: what may remain when the pieces run out, far below what glass can take
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PiecewiseChebyshev:
     """f(x) = Σ_k c[i, k]·T_k(ξ) on [breaks[i], breaks[i+1]], ξ running from −1 to 1; continued by the end pieces.
 
@@ -44,8 +49,14 @@ class PiecewiseChebyshev:
         piece = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.coefficients) - 1)
         low, high = self.breaks[piece], self.breaks[piece + 1]
         xi = ((x - low) - (high - x)) / (high - low)
-        values = np.asarray(chebyshev.chebval(xi, self.coefficients[piece].T, tensor=False), dtype=np.float64)
+        values = np.asarray(chebyshev.chebval(xi, self._trimmed[piece].T, tensor=False), dtype=np.float64)
         return values.reshape(shape)
+
+    @cached_property
+    def _trimmed(self) -> Array:
+        """The coefficients without the degrees that no piece has: those of a constant or linear law are few."""
+        used = np.flatnonzero(self.coefficients.any(axis=0))
+        return self.coefficients[:, : used[-1] + 1 if used.size else 1]
 
     def derivative(self) -> PiecewiseChebyshev:
         """f′, piece by piece."""
@@ -74,6 +85,23 @@ class PiecewiseChebyshev:
             if all(abs(middles[i] - place) > 10.0 * width for place in places):
                 places.append(float(middles[i]))
         return sorted(places)
+
+
+    def joints(self) -> list[tuple[float, int]]:
+        """Inner breaks where f, f′ or f″ jumps, with how many derivatives are continuous there (−1, 0, 1)."""
+        found: dict[float, int] = {}
+        size = float(np.abs(self.coefficients).max())
+        widths = np.diff(self.breaks)
+        k = np.arange(self.coefficients.shape[1], dtype=np.float64)
+        # T_k, T_k' and T_k'' at ξ = 1; at −1 they are (−1)^k, (−1)^(k+1) and (−1)^k times that.
+        ends = (np.ones_like(k), k**2, k**2 * (k**2 - 1.0) / 3.0)
+        for order in (2, 1, 0):
+            scale = (2.0 / widths) ** order
+            right = (self.coefficients * ends[order]).sum(axis=1) * scale
+            left = (self.coefficients * ends[order] * (-1.0) ** (k + order)).sum(axis=1) * scale
+            jump = np.abs(right[:-1] - left[1:]) * np.minimum(widths[:-1], widths[1:]) ** order
+            found |= dict.fromkeys(self.breaks[1:-1][jump > JUMP * size].tolist(), order - 1)
+        return sorted(found.items())
 
 
 def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> PiecewiseChebyshev:
@@ -120,4 +148,7 @@ def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> 
                                f"pieces leave {tail / size:.1g} of its size; smooth it, or give it as a table")
     done.sort(key=lambda piece: piece[0])
     starts = np.array([low for low, _ in done] + [float(breaks[-1])])
-    return PiecewiseChebyshev(starts, np.array([c for _, c in done]))
+    series = np.array([c for _, c in done])
+    # What a piece's last coefficients hold below rounding is noise that derivatives would blow up.
+    meant = np.maximum.accumulate((np.abs(series) > ROUNDING * size)[:, ::-1], axis=1)[:, ::-1]
+    return PiecewiseChebyshev(starts, np.where(meant, series, 0.0))

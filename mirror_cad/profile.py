@@ -99,15 +99,17 @@ def march(kappa: PiecewiseChebyshev, exact: Profile, method: str, step_mm: float
     """The paper's way: g' = −κ·(1 + g²)^(3/2), z' = g in steps of −h from the right end, where the exact profile lends
     height and slope. The points are joined by the interpolating quintic spline.
 
-    "euler": g ← g + h·g', z ← z + h·g with the old g (eqs. 4, 5), first order. "rk4": the classical Runge–Kutta rule,
-    fourth order. Raises: ProfileError where the march turns vertical or would take too many steps.
+    "euler": g ← g + h·g', z ← z + h·g with the old g (eqs. 4, 5), first order: κ is realised one step late.
+    "semi-implicit": the same with z advanced by the new g, which realises κ on time. "rk4": the classical Runge–Kutta
+    rule, fourth order. Raises: ProfileError where the march turns vertical or would take too many steps.
     """
     length = exact.x_max - exact.x_min
-    count = int(np.ceil(length / step_mm - 1e-9))
+    count = round(length / step_mm)
     if not 8 <= count <= LONGEST_MARCH:
         raise ProfileError(f"surface.step_mm = {step_mm:g} gives {count} steps over {length:.0f} mm: "
                            f"choose it between {length / LONGEST_MARCH:.2g} and {length / 8:.3g} mm")
-    x = np.maximum(exact.x_max - step_mm * np.arange(count + 1), exact.x_min)
+    # Equal steps, the nearest to the asked one that end at the edge: a shorter last step would be a kink.
+    x = np.linspace(exact.x_max, exact.x_min, count + 1)
     z = np.empty_like(x)
     g = np.empty_like(x)
     z[0], g[0] = float(exact.height(x[:1])[0]), float(exact.slope(x[:1])[0])
@@ -115,9 +117,9 @@ def march(kappa: PiecewiseChebyshev, exact: Profile, method: str, step_mm: float
     with np.errstate(over="ignore", invalid="ignore"):
         for i in range(count):
             h = x[i + 1] - x[i]
-            if method == "euler":
+            if method != "rk4":
                 g[i + 1] = g[i] - h * at[i] * (1.0 + g[i] * g[i]) ** 1.5
-                z[i + 1] = z[i] + h * g[i]
+                z[i + 1] = z[i] + h * (g[i] if method == "euler" else g[i + 1])
                 continue
             rates: list[float] = []
             slopes: list[float] = []

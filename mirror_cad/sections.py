@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +27,19 @@ class SagDerivatives(NamedTuple):
     zyy: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class Sag(Protocol):
+    """A height field z(x, y) with its derivatives; a column x (m, 1) and a row y (n,) give a grid."""
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """z at (x, y), mm, broadcast."""
+        ...
+
+    def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
+        """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
 class DecoupledSag:
     """z(x, y) = z_p(x) − s(κ₂(x), y): circles of radius 1/κ₂(x) in the planes x = const, hung on the profile z_p.
 
@@ -36,6 +49,11 @@ class DecoupledSag:
 
     profile: Profile
     vertical: PiecewiseChebyshev  # κ₂(x), 1/mm
+
+    @cached_property
+    def _vertical_derivatives(self) -> tuple[PiecewiseChebyshev, PiecewiseChebyshev]:
+        first = self.vertical.derivative()
+        return first, first.derivative()
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """z at (x, y), mm, broadcast."""
@@ -47,8 +65,8 @@ class DecoupledSag:
     def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
         """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        first = self.vertical.derivative()
-        k, k1, k2 = self.vertical(x), first(x), first.derivative()(x)
+        first, second = self._vertical_derivatives
+        k, k1, k2 = self.vertical(x), first(x), second(x)
         w = _cosine(k, y)
         s_k = y**2 / (w * (1.0 + w))
         s_kk = k * y**4 * (1.0 + 2.0 * w) / (w**3 * (1.0 + w) ** 2)

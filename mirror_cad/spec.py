@@ -332,7 +332,7 @@ class Glass(Section):
 
 
 class SurfaceSpec(Section):
-    method: Literal["decoupled"] = "decoupled"
+    method: Literal["decoupled", "faithful"] = "decoupled"
     integration: Literal["quadrature", "euler", "rk4"] = "quadrature"
     step_mm: Annotated[Number, Field(ge=1e-3, le=1000)] | None = None
     fit: Literal["collocation", "occt-interpolate", "occt-approximate"] = "collocation"
@@ -347,6 +347,9 @@ class SurfaceSpec(Section):
             raise ValueError("step_mm belongs to integration = \"euler\" or \"rk4\"; quadrature chooses its own nodes")
         if self.integration != "quadrature" and self.step_mm is None:
             raise ValueError(f"integration = \"{self.integration}\" needs step_mm, the paper's h")
+        if self.method == "faithful" and self.integration != "quadrature":
+            raise ValueError(f"integration = \"{self.integration}\" belongs to method = \"decoupled\": the faithful surface "
+                             "starts from the exact profile")
         if self.fit != "collocation" and (self.degree != "auto" or self.spans != "auto"):
             raise ValueError("degree and spans belong to fit = \"collocation\": the kernel's own routes choose theirs")
         return self

@@ -22,6 +22,7 @@ from mirror_cad.outline_files import write_dxf
 from mirror_cad.spec import MirrorSpec
 from mirror_studio import checks
 from mirror_studio.folder import MANIFEST, new_set
+from mirror_studio.methods import compare_methods, floor_of
 from mirror_studio.progress import Progress
 from raytrace.errors import TraceError
 from raytrace.eye import eye_position
@@ -92,6 +93,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     lane = StraightLane(spec.scene.lane.x0_mm, spec.scene.lane.y0_mm, spec.scene.lane.slope, scene.z_mm)
     section = mirror.section_fields_of_view()
     traced = traced_fields_of_view(read_back, eye, mirror.box, mirror.left_height_mm)
+    progress.step(f"{name}: decoupled and faithful surface side by side")
+    methods = compare_methods(mirror, eye, lane)
     metrics = {
         "h_fov_deg": {"section": math.degrees(section[0]), "traced": math.degrees(traced[0])},
         "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": math.degrees(traced[1])},
@@ -99,6 +102,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
             "traced": lane_straightness(read_back, eye, lane, mirror.box),
             "image": lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)},
         "stl_on_plane_mm": difference_on_plane(load_reflector(stl), reflector, eye, scene.z_mm, mirror.box),
+        "methods": methods,
         "rays": rays,
         "eye_mm": [float(value) for value in eye],
         "plate": {"area_mm2": mirror.plate.area_mm2, "volume_mm3": mirror.plate.volume_mm3,
@@ -204,9 +208,11 @@ def _missed(mirror: Mirror, deviation: CurvatureDeviation) -> tuple[str, ...]:
         worst = max(("integration", "fit", "step"), key=lambda stage: max(
             abs(deviation.stages[stage][key] or 0.0) for key in ("k1_max_percent", "k2_max_percent")))
         entry = deviation.stages[worst]
-        reached = max(abs(entry[key] or 0.0) for key in ("k1_max_percent", "k2_max_percent"))
-        missed.append(f"the {worst} stage reaches {reached:.3g} % of curvature and {abs(entry['sag_max_mm']):.3g} mm, the "
-                      f"tolerances are {surface.curvature_tolerance_percent:g} % and {surface.position_tolerance_mm:g} mm")
+        key = max(("k1", "k2"), key=lambda k: abs(entry[f"{k}_max_percent"] or 0.0))
+        x, y = entry[f"{key}_max_at_mm"]
+        missed.append(f"the {worst} stage reaches {abs(entry[f'{key}_max_percent'] or 0.0):.3g} % of curvature, at ({x:.1f}, "
+                      f"{y:.1f}) mm, and {abs(entry['sag_max_mm']):.3g} mm of height; the tolerances are "
+                      f"{surface.curvature_tolerance_percent:g} % and {surface.position_tolerance_mm:g} mm")
     if deviation.part is False:
         total = deviation.total
         key = max(("k1", "k2"), key=lambda k: abs(total[f"{k}_max_percent"]))
@@ -230,7 +236,8 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
                        "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": checks.SAME_MM},
         "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans), "seconds": round(fit.seconds, 4),
                 "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
-                "met": fit.met},
+                "worst_at_mm": list(fit.worst_at_mm), "met": fit.met},
+        "faithful": floor_of(mirror.faithful),
         "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
         "notes": list(mirror.notes),
     }

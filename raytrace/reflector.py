@@ -110,7 +110,7 @@ class HeightField:
     def of(surface: BSplineSurface) -> HeightField | None:
         if surface.weights is not None:
             return None
-        from mirror_cad.fit import greville_abscissae
+        from mirror_cad.bspline import greville_abscissae
 
         x, y = surface.poles[..., 0], surface.poles[..., 1]
         off = max(np.abs(x - greville_abscissae(surface.knots_u, surface.degree_u)[:, None]).max(),

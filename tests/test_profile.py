@@ -78,7 +78,7 @@ def test_march_converges_with_its_order(method: str, order: int) -> None:
     for step in (16.0, 8.0):
         marched = march(kappa, reference, method, step)
         at = np.linspace(-110.0, 110.0, 301)
-        errors.append(np.abs(marched.slope(at) - reference.slope(at)).max())
+        errors.append(np.abs(marched.height(at) - reference.height(at)).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
 
 

@@ -51,6 +51,4 @@ def fit_by_kernel(task: FitTask, route: str) -> Fit:
     if not done:
         raise SurfaceError(f"the kernel's {route} did not finish on {n} × {n} points: use fit = \"collocation\"")
     surface = from_geom_surface(maker.Surface())
-    spans = (len(np.unique(surface.knots_u)) - 1, len(np.unique(surface.knots_v)) - 1)
-    fit = measure(task, surface, route, surface.degree_u, spans)
-    return replace(fit, seconds=time.perf_counter() - start)
+    return replace(measure(task, surface, route), seconds=time.perf_counter() - start)
