@@ -174,12 +174,13 @@ def eased_beyond(law: CurvatureLaw, x_min: float, x_max: float, largest: float) 
     for edge in (x_min, x_max):
         room = 0.5 * max(largest - abs(float(inside(edge))), 0.0)
         slope, bend = abs(float(first(edge))), abs(float(second(edge)))
-        lengths[edge] = min([0.1 * (x_max - x_min), *([0.5 * room / slope] if slope else []),
-                             *([np.sqrt(room / bend)] if bend else [])])
+        longest = 0.1 * (x_max - x_min)
+        wanted = min([longest, *([0.5 * room / slope] if slope else []), *([np.sqrt(room / bend)] if bend else [])])
+        lengths[edge] = max(wanted, 1e-6 * longest)
 
     def kappa(x: Array) -> Array:
         edge = np.clip(x, x_min, x_max)
-        length = np.maximum(np.where(x < x_min, lengths[x_min], lengths[x_max]), np.finfo(float).tiny)
+        length = np.where(x < x_min, lengths[x_min], lengths[x_max])
         eased = length * np.tanh((x - edge) / length)
         beyond = inside(edge) + first(edge) * eased + 0.5 * second(edge) * eased**2
         return np.where(x == edge, law.function(edge), beyond)

@@ -67,7 +67,8 @@ class Stage:
 class CurvatureDeviation:
     """What `deviation.json` holds, and the fields behind it for maps.
 
-    stages, total, explained, chain : as in deviation.json.   numerical, part : the verdicts; part is None without a limit.
+    stages, total : as in deviation.json.   numerical, part : the verdicts; part is None without a limit.
+    explained : how the stages make up the total.   chain : what each link turns a reflected ray by, arc minutes.
     states : the shape operator (1/mm), height and normals that the design and each stage leave, at the grid.
     designed, realised : shape operators at the grid.   percent : signed deviation of k1, k2, kx, ky and twist in
     percent at the grid, or None for a plane.
@@ -87,8 +88,7 @@ class CurvatureDeviation:
 
     def as_json(self) -> dict[str, Any]:
         """The contract's deviation.json."""
-        return {"stages": self.stages, "total": self.total, "explained": self.explained, "chain_arcmin": self.chain,
-                "verdicts": {"numerical": self.numerical, "part": self.part}}
+        return {"stages": self.stages, "total": self.total, "verdicts": {"numerical": self.numerical, "part": self.part}}
 
     def power_maps(self) -> dict[str, Array]:
         """Km and Ka of eq. 1, designed and realised, 1/m, as rectangles."""

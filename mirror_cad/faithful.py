@@ -228,8 +228,9 @@ class _Problem:
         self.target = np.stack([np.broadcast_to(part, shape).ravel() for part in designed])
         self.inside = inside.ravel() > 0.0
         area = (weight_x[:, None] * weight_y).ravel() * np.maximum(inside.ravel(), OUTSIDE)
-        size = max(float(np.sum(area * (self.target[0] ** 2 + self.target[1] ** 2))), np.finfo(float).tiny)
-        self.weight = np.sqrt(area / size) * np.array([1.0, 1.0, np.sqrt(2.0)])[:, None]
+        size = float(np.sum(area * (self.target[0] ** 2 + self.target[1] ** 2)))
+        # A plane has nothing to solve for.
+        self.weight = np.sqrt(area / size if size > 0.0 else 0.0 * area) * np.array([1.0, 1.0, np.sqrt(2.0)])[:, None]
 
     @property
     def unknowns(self) -> int:

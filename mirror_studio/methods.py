@@ -63,7 +63,7 @@ def floor_of(faithful: Faithful | None) -> dict[str, Any] | None:
         return None
     return {"settled": faithful.settled, "degree": faithful.degree,
             "levels": [{"spans": list(level.spans), "unknowns": level.unknowns, "evaluations": level.evaluations,
-                        "shape_rms_percent": level.shape_rms_percent, "seconds": round(level.seconds, 4)}
+                        "shape_rms_percent": level.shape_rms_percent}
                        for level in faithful.levels]}
 
 

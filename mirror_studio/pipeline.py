@@ -102,6 +102,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
             "traced": lane_straightness(read_back, eye, lane, mirror.box),
             "image": lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)},
         "stl_on_plane_mm": difference_on_plane(load_reflector(stl), reflector, eye, scene.z_mm, mirror.box),
+        "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
         "methods": methods,
         "rays": rays,
         "eye_mm": [float(value) for value in eye],
@@ -237,7 +238,8 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
         "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans), "seconds": round(fit.seconds, 4),
                 "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
                 "worst_at_mm": list(fit.worst_at_mm), "met": fit.met},
-        "faithful": floor_of(mirror.faithful),
+        "faithful": None if mirror.faithful is None else (floor_of(mirror.faithful) or {}) | {
+            "seconds": [round(level.seconds, 4) for level in mirror.faithful.levels]},
         "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
         "notes": list(mirror.notes),
     }

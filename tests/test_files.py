@@ -78,8 +78,11 @@ def test_deviation_json_has_the_contract_keys(built: Path) -> None:
     assert list(deviation["stages"]) == ["model", "integration", "fit", "step", "stl"]
     keys = {f"{k}_{what}" for k in ("k1", "k2", "kx", "ky", "twist")
             for what in ("max_percent", "rms_percent", "max_per_m", "max_at_mm")}
+    keys |= {"shape_max_percent", "shape_rms_percent", "shape_max_per_m", "shape_rms_per_m", "shape_max_at_mm",
+             "sag_max_mm", "sag_max_at_mm", "slope_max_arcsec", "slope_max_at_mm"}
     for stage in ("model", "integration", "fit", "step"):
-        assert set(deviation["stages"][stage]) == keys | {"shape_rms_percent", "sag_max_mm", "slope_max_arcsec"}
+        assert set(deviation["stages"][stage]) == keys
+    assert set(deviation["total"]) == keys
     assert {"height_max_mm", "normal_max_deg"} <= set(deviation["stages"]["stl"])
     assert deviation["stages"]["stl"]["height_max_mm"] <= 0.01
     assert deviation["verdicts"] == {"numerical": True, "part": None}

@@ -16,8 +16,13 @@ from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec_file import load_spec, validate_spec
+from mirror_studio.methods import compare_methods, with_method
 from mirror_studio.report import contact_sheet, maps, table1_markdown, write_index, write_report
+from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
+from mirror_studio.report.stages import Floor, chain_links, model_sentences, stage_rows, weakest_sentence
 from mirror_studio.report.text import fixed, given, law_in_words, number
+from raytrace.eye import eye_position
+from raytrace.measures.lane import StraightLane
 
 METRICS = {
     "h_fov_deg": {"section": 44.82, "traced": 44.63}, "v_fov_left_deg": {"section": 42.88, "traced": 39.6},
@@ -30,6 +35,7 @@ MANIFEST = {"schema": 1, "versions": {"mirror-cad": "0.1.0"}, "notes": ["read <b
             "files": {"mirror.step": "ab" * 32}}
 Designed = tuple[Mirror, CurvatureDeviation]
 FLAT = {"law": "constant", "radius_mm": math.inf}
+TURNING = {"law": "expression", "curvature": "0.001*(t - 0.4)"}
 
 
 def _picture() -> bytes:
@@ -58,6 +64,19 @@ def plane() -> Designed:
     return mirror, _deviation(mirror)
 
 
+@pytest.fixture(scope="module")
+def faithful() -> Designed:
+    mirror = design(with_method(load_spec("progressive-a"), "faithful"))
+    return mirror, _deviation(mirror)
+
+
+@pytest.fixture(scope="module")
+def methods(faithful: Designed) -> dict[str, Any]:
+    mirror, _ = faithful
+    eye = eye_position(762.0, "right", mirror.box)
+    return compare_methods(mirror, eye, StraightLane(0.0, 2400.0, 0.6, float(eye[2]) + 8200.0))
+
+
 def _report(folder: Path, designed: Designed, metrics: dict[str, Any], manifest: dict[str, Any]) -> str:
     write_report(folder / "report.html", *designed, metrics, manifest, _picture())
     return (folder / "report.html").read_text("utf-8")
@@ -65,7 +84,8 @@ def _report(folder: Path, designed: Designed, metrics: dict[str, Any], manifest:
 
 def _readable(page: str) -> str:
     """What a reader meets: the page without its pictures and style."""
-    return re.sub(r"data:[a-z/+]+;base64,[A-Za-z0-9+/=]+|<style>.*?</style>", "", page, flags=re.DOTALL)
+    text = re.sub(r"data:[a-z/+]+;base64,[A-Za-z0-9+/=]+|<style>.*?</style>", "", page, flags=re.DOTALL)
+    return re.sub(r"[ \n]+", " ", text)
 
 
 def _check_plain(page: str) -> None:
@@ -85,7 +105,7 @@ def test_report_holds_its_figures_and_nothing_from_outside(tmp_path: Path, limit
     assert page.count("data:image/") == 6
     assert len(page) < 2.5e6
     assert not _missing(text, "Tolerances met", "Beyond the limit of ±3\u202f%", "of the area lies beyond",
-                        "No numerics can remove this", "44.82°", "39.60°", "40.9\u202f%", "68\u202f985\u202fmm²",
+                        "the part that no numerics can remove", "44.82°", "39.60°", "40.9\u202f%", "68\u202f985\u202fmm²",
                         "3.0·10⁻¹¹\u202fmm", "ab" * 32, "0.5865 (solved for)", "read &lt;b&gt;a&amp;b&lt;/b&gt;")
 
 
@@ -93,6 +113,136 @@ def test_report_of_a_plane_without_measurements(tmp_path: Path, plane: Designed)
     page = _report(tmp_path, plane, {}, {})
     _check_plain(page)
     assert not _missing(page, "The design is flat", "Rx and Ry are flat", "No limit asked for")
+
+
+def test_report_names_the_method_and_what_its_deviation_comes_from(
+        tmp_path: Path, limited: Designed, faithful: Designed) -> None:
+    phrases = {
+        "decoupled": ["hangs circles of radius Ry(x)", "which is the model itself", "at the stated limit of 3\u202f%"],
+        "faithful": ["Gauss and Codazzi", "Refining the spans from 6\u202f×\u202f5 to ", "point and normal at the origin held",
+                     "as no limit is stated", "Least squares, 6\u202f×\u202f5 spans of degree 7",
+                     "least squares on 6\u202f×\u202f5, then"]}
+    for designed, method in ((limited, "decoupled"), (faithful, "faithful")):
+        text = _readable(_report(tmp_path, designed, METRICS, MANIFEST))
+        assert not _missing(text, f"From the exact {method} surface", f"{method.capitalize()} surface, realised",
+                            f"<dd>{method}:", f"<td>{method}:", f"the exact {method} surface against the design",
+                            "nothing is left unexplained", *phrases[method])
+        assert "Decoupled and faithful" not in text
+
+
+@pytest.mark.parametrize("which", ["limited", "faithful", "plane"])
+def test_stage_table_has_absolute_figures_and_places_beside_percent(which: str, request: pytest.FixtureRequest) -> None:
+    mirror, deviation = request.getfixturevalue(which)
+    rows = {row["name"]: row for row in stage_rows(deviation, mirror.spec.surface.method)}
+    assert list(rows) == ["model", "integration", "fit", "STEP", "total"]
+    for row in rows.values():
+        assert len(row["cells"]) == 6
+        assert all(cell["per_m"].endswith("/m") for cell in row["cells"])
+        assert row["sag"].endswith("mm")
+        assert row["slope"].endswith("″")
+        if which == "plane":
+            assert {cell["max"] for cell in row["cells"]} == {cell["rms"] for cell in row["cells"]} == {"—"}
+    shape = rows["total"]["cells"][-1]
+    if which != "plane":
+        assert (shape["max"], shape["per_m"]) == (f"{number(deviation.total['shape_max_percent'])}\u202f%",
+                                                  f"{number(deviation.total['shape_max_per_m'])}\u202f/m")
+        assert shape["place"].startswith("x\u202f")
+    # The faithful surface moves the height, which the decoupled one is measured from.
+    assert (rows["model"]["sag"] == "0\u202fmm") == (which != "faithful")
+    assert (rows["model"]["sag_place"] == "—") == (which != "faithful")
+
+
+def test_both_methods_stand_side_by_side_and_the_exchange_is_said_from_the_numbers(
+        tmp_path: Path, faithful: Designed, methods: dict[str, Any]) -> None:
+    page = _report(tmp_path, faithful, METRICS | {"methods": methods}, MANIFEST)
+    _check_plain(page)
+    shown = side_by_side(methods, "faithful", 8200.0)
+    assert shown is not None
+    assert shown["columns"] == [("decoupled", False), ("faithful", True)]
+    decoupled, other = methods["decoupled"], methods["faithful"]
+    assert dict(shown["curvatures"])["shape"][1][0] == f"{number(other['shape_rms_percent'])}\u202f%"
+    lanes = [fixed(one["lane_straightness_percent"], 1) for one in (decoupled, other)]
+    assert not _missing(_readable(page), "Decoupled and faithful", "faithful (built)", "comes 2.2 times closer",
+                        f"the lane bends more: {lanes[0]}\u00a0→\u00a0{lanes[1]}\u202f%", "narrower upright at the left edge",
+                        "is the floor of these laws: refining the spans from", "method = \"decoupled\"",
+                        f"at most {number(methods['change']['ray_max_arcmin'])}′")
+    forth, back = " ".join(exchange_sentences(decoupled, other)), " ".join(exchange_sentences(other, decoupled))
+    assert not _missing(forth, "Gained (RMS): twist", "Lost (RMS): ky")
+    assert not _missing(back, "Gained (RMS): ky", "Lost (RMS): twist", "the lane bends less", "wider upright")
+    assert "closer" not in back
+
+
+def test_exchange_is_none_where_both_surfaces_hold_the_laws_and_says_where_a_lane_is_missing(
+        methods: dict[str, Any]) -> None:
+    held = {key: 1e-7 if key.endswith("percent") else value for key, value in methods["faithful"].items()}
+    assert exchange_sentences(held, held)[0].startswith("These laws both surfaces hold")
+    without = methods["decoupled"] | {"lane_straightness_percent": None}
+    assert "in the faithful one only" in " ".join(exchange_sentences(without, methods["faithful"]))
+    assert "lane" not in " ".join(exchange_sentences(without, methods["faithful"] | {"lane_straightness_percent": None}))
+
+
+def test_plane_is_the_same_by_both_methods(tmp_path: Path, plane: Designed, methods: dict[str, Any]) -> None:
+    flat = {name: {key: None if key.endswith("percent") else value for key, value in methods[name].items()}
+            for name in ("decoupled", "faithful")}
+    floor = {"settled": True, "degree": 7, "levels": [{"spans": [6, 5], "shape_rms_percent": None}]}
+    page = _report(tmp_path, plane, METRICS | {"methods": methods | flat | {"floor": floor}}, MANIFEST)
+    _check_plain(page)
+    assert not _missing(_readable(page), "both methods give the plane itself", "method = \"faithful\"", "glass —",
+                        "says nothing of flat glass", "The decoupled surface of a flat design is the plane itself")
+
+
+def test_laws_that_a_surface_has_are_said_to_be_held() -> None:
+    mirror = design(with_method(load_spec("sphere-950"), "faithful"))
+    text = model_sentences(_deviation(mirror), "faithful", Floor.found(mirror.faithful), 0.01)
+    assert "These laws it holds: refining the spans from" in text
+    assert "Codazzi" not in text
+
+
+@pytest.mark.parametrize(("settled", "levels", "words"), [
+    (True, (((6, 5), 1.405), ((8, 6), 1.39975)), "from 1.405\u202f% to 1.400\u202f%, and more of them would gain nothing"),
+    (False, (((6, 5), 72.82), ((8, 6), 72.68), ((10, 8), 72.66)), "to 72.66\u202f%, the last step still by 0.020\u202fper"),
+    (True, (((5, 4), 1.5),), "the one set of spans asked for (5\u202f×\u202f4 with")])
+def test_floor_is_told_by_its_levels(settled: bool, levels: tuple[tuple[tuple[int, int], float], ...], words: str) -> None:
+    assert words in str(Floor(7, settled, levels).in_words())
+    assert Floor(7, settled, tuple((spans, None) for spans, _ in levels)).in_words() is None
+
+
+@pytest.mark.parametrize(("kernel", "mesh", "glass", "begins", "holds"), [
+    (0.0015, 34.0, 12.6, "The weakest link is the glass, 13 times", "34 times what the eye resolves, more than any other link"),
+    (0.0015, 30.0, 37.0, "The weakest link is the glass, 37 times", "30 times what the eye resolves."),
+    (19.0, None, 12.0, "The weakest link is the kernel, 19 times", "above it is also the glass; the file stays below it."),
+    (0.0015, None, 0.25, "The weakest link is the glass, at 0.25 of", "kernel, file and glass all stay below it."),
+    (0.0, 0.0, 0.0, "Neither kernel nor file", "at all.")])
+def test_weakest_link_is_named_against_the_eye(kernel: float, mesh: float | None, glass: float, begins: str,
+                                               holds: str) -> None:
+    chain = {"kernel": kernel, "file": 0.0, "mesh": mesh, "glass": glass, "glass_percent": 1.0, "eye": 1.0}
+    text = weakest_sentence(chain)
+    assert text.startswith(begins)
+    assert holds in text
+
+
+def test_chain_runs_from_the_kernel_to_the_eye(limited: Designed, faithful: Designed) -> None:
+    for (_, deviation), note in ((limited, "at the stated limit of 3\u202f%"),
+                                 (faithful, "for each 1\u202f% of curvature, as no limit is stated")):
+        links = chain_links(deviation)
+        assert [link["name"] for link in links] == ["kernel", "file", "mesh", "glass", "eye resolves"]
+        assert links[3] == {"name": "glass", "value": f"±{number(deviation.chain['glass'])}′", "note": note}
+        assert links[-1]["value"] == "1′"
+
+
+def test_deviations_beyond_their_curvature_are_drawn_per_metre_with_percent_beside(tmp_path: Path) -> None:
+    vertical = {"law": "expression", "curvature": "0.0008*cos(3*t)"}
+    mirror = design(validate_spec({"name": "turning", "horizontal": TURNING, "vertical": vertical,
+                                   "limits": {"curvature_percent": 5.0}}))
+    deviation = _deviation(mirror)
+    fields = maps.deviation_fields(deviation, 5.0)
+    assert (fields.unit, fields.limit) == ("1/m", None)
+    assert fields.worst["k2"][0] == pytest.approx(deviation.total["k2_max_per_m"], rel=1e-12)
+    page = _report(tmp_path, (mirror, deviation), {}, {})
+    _check_plain(page)
+    assert not _missing(_readable(page), "Beyond the limit of ±5\u202f%", "of the area lies beyond", "is not drawn",
+                        "the figures per metre hold", f"{number(deviation.total['k2_max_percent'])}\u202f%",
+                        f"k2 {number(deviation.total['k2_max_per_m'])}\u202f/m at x")
 
 
 def test_designed_and_realised_share_a_scale_and_deviations_one_about_zero(limited: Designed, plane: Designed) -> None:
@@ -105,12 +255,13 @@ def test_designed_and_realised_share_a_scale_and_deviations_one_about_zero(limit
     largest = max(abs(limited[1].total[f"{key}_max_percent"]) for key in maps.QUANTITIES)
     assert near.scale == far.scale == largest
     assert far.limit_is_far > near.limit_is_far
+    for key, (value, at) in near.worst.items():
+        assert (value, list(at)) == (limited[1].total[f"{key}_max_percent"], limited[1].total[f"{key}_max_at_mm"])
 
 
 def test_radius_is_drawn_as_curvature_only_where_it_has_to_be() -> None:
     concave = {"law": "constant", "radius_mm": -2000.0}
-    turning = {"law": "expression", "curvature": "0.001*(t - 0.4)"}
-    mirror = design(validate_spec({"name": "turning", "horizontal": turning, "vertical": concave}))
+    mirror = design(validate_spec({"name": "turning", "horizontal": TURNING, "vertical": concave}))
     horizontal, vertical = maps.pairs_of(_deviation(mirror))[:2]
     assert (horizontal.name, horizontal.unit, horizontal.as_curvature) == ("1/Rx", "1/m", True)
     assert (vertical.name, vertical.unit, vertical.as_curvature) == ("Ry", "mm", False)
@@ -132,6 +283,12 @@ def test_index_lists_every_mirror_and_the_papers_figures(tmp_path: Path, limited
                                     ("report.html", f"{name}.step", "driver-view.png")))
     assert not _missing(page, 'src="fig5.png"', 'src="fig6.png"', ">44.82<", ">44.8<", ">+0.02<", ">40.7<",
                         "Y = 2400 + 0.6·X", "is not public")
+    assert "shape RMS" not in page
+    both = {"methods": {"decoupled": {"shape_rms_percent": 2.3251}, "faithful": {"shape_rms_percent": 1.0093}}}
+    mirrors[-1]["metrics"] = METRICS | both
+    write_index(tmp_path / "index.html", mirrors, table1, {})
+    page = (tmp_path / "index.html").read_text("utf-8")
+    assert not _missing(page, "shape RMS<br>decoupled<br>faithful", "2.33\u202f%<br>1.01\u202f%", "—<br>—")
     assert not _missing(table1_markdown(table1), "| 44.82 | 44.8 | +0.02 |", "| — | 40.7 | — |")
 
 

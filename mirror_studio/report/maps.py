@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.deviation import FLOOR, CurvatureDeviation
 from mirror_cad.differential import principal_curvatures_of
+from mirror_cad.grid import Grid
 from mirror_cad.outline import Outline
 from mirror_studio.report.text import given, with_unit
 
@@ -35,8 +36,12 @@ LEAST_PERCENT = 1e-6
 BINS = 81  # of the histogram: odd, so that one is centred on zero
 # A limit this many times beyond the largest deviation is named beside the scale: on it, the maps would be blank.
 FAR_LIMIT = 3.0
+# Beyond this a deviation is larger than the curvature it is a percent of, as where a law passes through zero: one line of
+# such places would set the scale of all maps.
+LARGEST_PERCENT = 100.0
+SAME_SIZE = 1e-6  # relative: values that rounding alone tells apart, as a mirror that is symmetric in y has them
 
-MARGINS = {"left": 0.07, "right": 0.99, "wspace": 0.19}  # fitting them to the labels would take longer than drawing
+MARGINS = {"left": 0.07, "right": 0.98, "wspace": 0.19}  # fitting them to the labels would take longer than drawing
 DESIGNED, REALISED, LIMIT = "#a9c4de", "#1f3f66", "#b35806"
 UNIT_OF_VALUE = {"%": "%", "1/m": "/m"}
 QUANTITIES = ("k1", "k2", "kx", "ky", "twist")
@@ -69,14 +74,15 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DeviationFields:
-    """Realised minus designed at the grid, in `unit`: percent, or 1/m for a plane.
+    """Realised minus designed at the grid, in `unit`: percent, or 1/m for a plane and where percent mean nothing.
 
-    limit : ± percent that k1 and k2 may have, None without one.   scale : the one scale of all, ± in `unit`.
+    worst : of each quantity the value largest in size, in `unit`, and its place in mm.
+    limit : ± percent that k1 and k2 may have, None without one and in 1/m.   scale : the one scale of all, ± in `unit`.
     """
 
     values: dict[str, Array]
     unit: str
-    worst_at_mm: dict[str, tuple[float, float]]
+    worst: dict[str, tuple[float, tuple[float, float]]]
     limit: float | None
 
     @property
@@ -110,16 +116,21 @@ def pairs_of(deviation: CurvatureDeviation) -> list[Pair]:
 
 def deviation_fields(deviation: CurvatureDeviation, limit_percent: float | None) -> DeviationFields:
     """The deviations the report draws, and where each is worst."""
-    if deviation.percent is not None:
-        values, unit, limit = deviation.percent, "%", limit_percent
-    else:
+    values, unit, limit = deviation.percent, "%", limit_percent
+    if values is None or max(float(np.abs(field).max()) for field in values.values()) > LARGEST_PERCENT:
         after, before = (principal_curvatures_of(w) for w in (deviation.realised, deviation.designed))
-        difference = [a - b for a, b in zip(deviation.realised, deviation.designed, strict=True)]
-        per_mm = {"k1": after[0] - before[0], "k2": after[1] - before[1], "kx": difference[0], "ky": difference[1],
-                  "twist": difference[2]}
+        kx, ky, twist = (a - b for a, b in zip(deviation.realised, deviation.designed, strict=True))
+        per_mm = {"k1": after[0] - before[0], "k2": after[1] - before[1], "kx": kx, "ky": ky, "twist": twist}
         values, unit, limit = {key: 1e3 * field for key, field in per_mm.items()}, "1/m", None
-    places = {key: deviation.total[f"{key}_max_at_mm"] for key in QUANTITIES}
-    return DeviationFields(values, unit, {key: (float(x), float(y)) for key, (x, y) in places.items()}, limit)
+    return DeviationFields(values, unit, {key: _worst(field, deviation.grid) for key, field in values.items()}, limit)
+
+
+def _worst(field: Array, grid: Grid) -> tuple[float, tuple[float, float]]:
+    """The value largest in size and its place; of places that rounding alone tells apart the upper, as in deviation.json."""
+    size = np.abs(field)
+    ties = np.flatnonzero(size >= size.max() * (1.0 - SAME_SIZE))
+    at = int(ties[np.argmax(grid.y[ties])])
+    return float(field[at]), (float(grid.x[at]), float(grid.y[at]))
 
 
 def pair_maps(deviation: CurvatureDeviation, outline: Outline, pairs: list[Pair]) -> bytes:
@@ -151,10 +162,10 @@ def deviation_maps(deviation: CurvatureDeviation, outline: Outline, fields: Devi
             drawn = frame.draw(axes, fields.values[key], "RdBu_r", -scale, scale)
             if fields.limit is not None and not fields.limit_is_far and key in ("k1", "k2"):
                 frame.contour(axes, fields.values[key], [-fields.limit, fields.limit])
-            worst = float(fields.values[key][np.argmax(np.abs(fields.values[key]))])
+            worst, at = fields.worst[key]
             if worst != 0.0:
                 for colour, width in (("white", 2.6), ("black", 1.1)):
-                    axes.plot(*fields.worst_at_mm[key], "o", ms=7, mfc="none", mec=colour, mew=width, clip_on=False)
+                    axes.plot(*at, "o", ms=7, mfc="none", mec=colour, mew=width, clip_on=False)
             axes.set_title(f"{key}\nworst {with_unit(worst, UNIT_OF_VALUE[fields.unit], sign=True)}", loc="left")
             if key != QUANTITIES[0]:
                 axes.tick_params(left=False, labelleft=False)
@@ -207,7 +218,7 @@ def centre_sections(deviation: CurvatureDeviation, pairs: list[Pair], fields: De
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH_IN, 4.4))
         axes = figure.subplots(2, 2, sharex=True, height_ratios=[1.7, 1.0],
-                               gridspec_kw={**MARGINS, "bottom": 0.1, "top": 0.98, "hspace": 0.09})
+                               gridspec_kw={**MARGINS, "bottom": 0.1, "top": 0.95, "hspace": 0.15})
         for column, (pair, key) in enumerate(zip(pairs[:2], ("kx", "ky"), strict=True)):
             upper, lower = axes[0, column], axes[1, column]
             designed, realised = along(pair.designed), along(pair.realised)

@@ -13,9 +13,22 @@ from PIL import Image
 
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_studio.report import maps
-from mirror_studio.report.maps import QUANTITIES, DeviationFields
+from mirror_studio.report.maps import LARGEST_PERCENT, QUANTITIES, DeviationFields
+from mirror_studio.report.side_by_side import side_by_side
+from mirror_studio.report.stages import (
+    FLOOR_DIGITS,
+    NUMERICAL,
+    STAGE_NAMES,
+    Floor,
+    chain_links,
+    explained_sentences,
+    largest_of_pair,
+    model_sentences,
+    spans_in_words,
+    stage_rows,
+    weakest_sentence,
+)
 from mirror_studio.report.text import (
-    MISSING,
     NARROW_SPACE,
     SMALLEST_PLAIN,
     count,
@@ -34,15 +47,10 @@ from mirror_studio.report.text import (
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
 
-STAGES = {
-    "model": "the exact decoupled surface against the design",
-    "integration": "its profile as integrated",
-    "fit": "the B-spline",
-    "step": "the B-spline as read back from STEP",
-    "total": "read back, against the design",
+METHODS = {
+    "decoupled": "decoupled: vertical circles of radius Ry hung on the horizontal profile of Rx",
+    "faithful": "faithful: the closest to both laws at once, by least squares on the whole shape operator",
 }
-NUMERICAL = ("integration", "fit", "step")
-STAGE_NAMES = {"integration": "integration", "fit": "fit", "step": "STEP"}
 # Wide enough for half a screen at twice its pixels; the picture itself lies beside the report without loss.
 PICTURE_WIDTH_PX = 1280
 CHECKS = {
@@ -60,11 +68,11 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
                  manifest: dict[str, Any], driver_view_png: bytes) -> None:
     """Write the report of one mirror: a page without scripts and external requests, readable in print on A4.
 
-    metrics : fields of view in degrees, lane straightness in percent, STL on the plane in mm, rays, eye in mm, plate,
-    files; any of them may be missing or None.   manifest : versions, notes and the files' sha256.
+    metrics : fields of view in degrees, lane straightness in percent, STL on the plane in mm, both methods side by side,
+    rays, eye in mm, plate, files; any of them may be missing or None.   manifest : versions, notes and the files' sha256.
     """
     pairs = maps.pairs_of(deviation)
-    limit = mirror.spec.limits.curvature_percent
+    limit, surface = mirror.spec.limits.curvature_percent, mirror.spec.surface
     fields = maps.deviation_fields(deviation, limit)
     sections, section_y_mm = maps.centre_sections(deviation, pairs, fields)
     figures = {
@@ -77,10 +85,14 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
     }
     page = templates().get_template("report.html.j2").render(
         title=mirror.spec.name, facts=_facts(mirror, metrics), verdicts=verdicts(mirror, deviation, fields),
-        view=_view(mirror, metrics), figures=figures, limit=limit, fields=fields, section_y_mm=section_y_mm,
+        view=_view(mirror, metrics), figures=figures, fields=fields, limit=limit, section_y_mm=section_y_mm,
         as_curvature=[pair.name.removeprefix("1/") for pair in pairs if pair.as_curvature],
-        stages=_stage_rows(deviation), quantities=QUANTITIES, model=model_sentences(deviation),
-        stl=deviation.stages.get("stl", {}), making=_making(mirror, metrics),
+        quantities=QUANTITIES, stages=stage_rows(deviation, surface.method), explained=explained_sentences(deviation),
+        model=model_sentences(deviation, surface.method, Floor.found(mirror.faithful), surface.curvature_tolerance_percent),
+        stl=deviation.stages["stl"], chain=chain_links(deviation), weakest=weakest_sentence(deviation.chain),
+        method=surface.method, flat=deviation.percent is None, largest_percent=LARGEST_PERCENT,
+        both=side_by_side(metrics.get("methods"), surface.method, mirror.spec.scene.distance_mm),
+        making=_making(mirror, metrics),
         files=manifest.get("files") or {}, versions=manifest.get("versions") or {},
         notes=manifest.get("notes") or list(mirror.notes), specification=_flat(mirror.spec.model_dump()),
     )
@@ -89,7 +101,7 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
 
 def verdicts(mirror: Mirror, deviation: CurvatureDeviation, fields: DeviationFields) -> list[dict[str, str]]:
     """The two verdicts in words with their numbers: what was judged, met (“yes”, “no” or “open”), head and text."""
-    return [_numerical_verdict(mirror, deviation), _part_verdict(deviation, fields)]
+    return [_numerical_verdict(mirror, deviation), _part_verdict(mirror, deviation, fields)]
 
 
 def _numerical_verdict(mirror: Mirror, deviation: CurvatureDeviation) -> dict[str, str]:
@@ -97,88 +109,52 @@ def _numerical_verdict(mirror: Mirror, deviation: CurvatureDeviation) -> dict[st
     reached = []
     for name in NUMERICAL:
         entry = deviation.stages[name]
-        off = _largest_of_pair(entry)
-        curvature = "" if off is None else f"{with_unit(off, '%', 2)} of curvature and "
-        reached.append(f"{STAGE_NAMES[name]} {curvature}{with_unit(abs(entry['sag_max_mm']), 'mm', 2)} of height")
+        off = largest_of_pair(entry)
+        curvature = with_unit(off, "%", 2) if off is not None else with_unit(_largest_per_m(entry), "/m", 2)
+        reached.append(f"{STAGE_NAMES[name]} {curvature} of curvature and {with_unit(abs(entry['sag_max_mm']), 'mm', 2)} "
+                       "of height")
     return {
         "what": "Numerical", "met": "yes" if deviation.numerical else "no",
         "head": "Tolerances met" if deviation.numerical else "Tolerances not met",
-        "text": f"At most, {'; '.join(reached)}. Asked: {given(asked.curvature_tolerance_percent, '%')} (k1, k2) "
-                f"and {given(asked.position_tolerance_mm, 'mm')} in each stage.",
+        "text": f"From the exact {asked.method} surface{_spans_of(mirror)} to the file, at most: {'; '.join(reached)}. Asked: "
+                f"{given(asked.curvature_tolerance_percent, '%')} (k1, k2) and {given(asked.position_tolerance_mm, 'mm')} in "
+                "each stage.",
     }
 
 
-def _part_verdict(deviation: CurvatureDeviation, fields: DeviationFields) -> dict[str, str]:
-    total = deviation.total
-    if fields.unit != "%":
-        worst = max(abs(total[f"{key}_max_per_m"]) for key in ("k1", "k2"))
-        met = "open" if deviation.part is None else "yes" if deviation.part else "no"
-        return {"what": "Part", "met": "open" if deviation.part is None else met,
-                "head": "No limit asked for" if deviation.part is None else "Limit in percent does not apply",
-                "text": f"The design is flat, so its deviation has no percent: k1 and k2 differ from zero by at most "
-                        f"{with_unit(worst, '/m', 2)}."}
-    both = "; ".join(f"{key} {with_unit(total[f'{key}_max_percent'], '%', sign=True)} at "
-                     f"{place(total[f'{key}_max_at_mm'])}{NARROW_SPACE}mm" for key in ("k1", "k2"))
-    if deviation.part is None or fields.limit is None:
-        return {"what": "Part", "met": "open", "head": "No limit asked for",
-                "text": f"Realised against designed curvature at its worst: {both}."}
-    limit = f"±{given(fields.limit, '%')}"
+def _part_verdict(mirror: Mirror, deviation: CurvatureDeviation, fields: DeviationFields) -> dict[str, str]:
+    total, limit, surface = deviation.total, mirror.spec.limits.curvature_percent, mirror.spec.surface.method.capitalize()
+    if deviation.percent is None:
+        return {"what": "Part", "met": "open",
+                "head": "No limit asked for" if limit is None else "Limit in percent does not apply",
+                "text": f"{surface} surface of a flat design, whose deviation has no percent: k1 and k2 differ from zero by at "
+                        f"most {with_unit(_largest_per_m(total), '/m', 2)}."}
+    worst = "; ".join(f"{key} {with_unit(value, '%' if fields.unit == '%' else '/m', sign=True)} at "
+                      f"{place(at)}{NARROW_SPACE}mm" for key, (value, at) in fields.worst.items() if key in ("k1", "k2"))
+    other = " and ".join(with_unit(total[f"{key}_max_{'per_m' if fields.unit == '%' else 'percent'}"],
+                                   "/m" if fields.unit == "%" else "%", sign=True) for key in ("k1", "k2"))
+    text = f"{surface} surface, realised against designed curvature at its worst: {worst} ({other})."
+    if deviation.part is None or limit is None:
+        return {"what": "Part", "met": "open", "head": "No limit asked for", "text": text}
+    allowed = f"±{given(limit, '%')}"
     if deviation.part:
-        return {"what": "Part", "met": "yes", "head": f"Within the limit of {limit}",
-                "text": f"Realised against designed curvature at its worst: {both}."}
-    weights = deviation.grid.weights
-    beyond = np.maximum(np.abs(fields.values["k1"]), np.abs(fields.values["k2"])) > fields.limit
-    share = 100.0 * float(np.average(beyond, weights=weights))
-    return {"what": "Part", "met": "no", "head": f"Beyond the limit of {limit}",
-            "text": f"Realised against designed curvature at its worst: {both}. "
-                    f"{with_unit(share, '%', 2)} of the area lies beyond the limit."}
+        return {"what": "Part", "met": "yes", "head": f"Within the limit of {allowed}", "text": text}
+    beyond = np.maximum(np.abs(deviation.percent["k1"]), np.abs(deviation.percent["k2"])) > limit
+    share = 100.0 * float(np.average(beyond, weights=deviation.grid.weights))
+    return {"what": "Part", "met": "no", "head": f"Beyond the limit of {allowed}",
+            "text": f"{text} {with_unit(share, '%', 2)} of the area lies beyond the limit."}
 
 
-def model_sentences(deviation: CurvatureDeviation) -> str:
-    """How much of the deviation is the decoupled model's own, and how small the rest is."""
-    model = _largest_of_pair(deviation.stages["model"])
-    if model is None:
-        return "The design is flat: the decoupled surface is the plane itself, and the model adds nothing."
-    rest = max(_largest_of_pair(deviation.stages[name]) or 0.0 for name in NUMERICAL)
-    start = ("The model stage is the unavoidable part. The decoupled construction hangs circles of radius Ry(x) on the "
-             "horizontal profile, and such a surface cannot have the designed curvatures everywhere: to first order it "
-             "has the twist −y·(Ry′ − z′)/Ry², where the profile has the slope z′ = −tan θ, and its vertical curvature "
-             "is cos θ/Ry. Where kx and ky are close, the twist moves k1 and k2 apart by its own size, one up and one "
-             "down. No numerics can remove this.")
-    if rest == 0.0:
-        return f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2, and the other stages add nothing."
-    share = f", a share of 1 in {count(float(f'{model / rest:.1e}'))}" if model > 10.0 * rest else ""
-    return (f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2; integration, fit and STEP add at most "
-            f"{with_unit(rest, '%', 2)} each{share}.")
+def _largest_per_m(entry: Mapping[str, Any]) -> float:
+    return max(abs(entry[f"{key}_max_per_m"]) for key in ("k1", "k2"))
 
 
-def _largest_of_pair(entry: Mapping[str, Any]) -> float | None:
-    found = [abs(entry[f"{key}_max_percent"]) for key in ("k1", "k2") if entry.get(f"{key}_max_percent") is not None]
-    return max(found) if found else None
-
-
-def _stage_rows(deviation: CurvatureDeviation) -> list[dict[str, Any]]:
-    rows = []
-    for name, what in STAGES.items():
-        entry = deviation.total if name == "total" else deviation.stages[name]
-        cells = []
-        for key in QUANTITIES:
-            nothing = entry[f"{key}_max_per_m"] == 0.0
-            cells.append({
-                "max": with_unit(entry[f"{key}_max_percent"], "%", sign=True),
-                "rms": with_unit(entry[f"{key}_rms_percent"], "%"),
-                "per_m": with_unit(entry[f"{key}_max_per_m"], "/m", sign=True),
-                "place": MISSING if nothing else place(entry[f"{key}_max_at_mm"]),
-            })
-        # The model stage is what height and slope are measured from.
-        against = name != "model"
-        rows.append({
-            "name": STAGE_NAMES.get(name, name), "what": what, "cells": cells,
-            "shape": with_unit(entry.get("shape_rms_percent"), "%"),
-            "sag": with_unit(entry.get("sag_max_mm"), "mm", sign=True) if against else MISSING,
-            "slope": with_unit(entry.get("slope_max_arcsec"), "″") if against else MISSING,
-        })
-    return rows
+def _spans_of(mirror: Mirror) -> str:
+    """Of a faithful surface the spans that it was found on: “, on 6 × 5, then 8 × 6 spans of degree 7,”."""
+    if mirror.faithful is None:
+        return ""
+    spans = ", then ".join(spans_in_words(level.spans) for level in mirror.faithful.levels)
+    return f", least squares on {spans} spans of degree {mirror.faithful.degree},"
 
 
 def _facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -193,6 +169,7 @@ def _facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         ("Horizontal law Rx(x)", law_in_words(spec.horizontal.model_dump(), solved)),
         ("Vertical law Ry(x)", law_in_words(spec.vertical.model_dump())),
+        ("Surface", METHODS[spec.surface.method]),
         ("Size", f"{fixed(x_max - x_min, 1)} × {fixed(y_max - y_min, 1)} mm, "
                  f"{plain(spec.glass.thickness_mm)} mm thick"),
         ("Eye", sits),
@@ -222,7 +199,13 @@ def _view(mirror: Mirror, metrics: Mapping[str, Any]) -> dict[str, Any]:
 def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
     fit, surface = mirror.fit, mirror.spec.surface
     step = f", step {plain(surface.step_mm)} mm" if surface.step_mm is not None else ""
-    rows = [
+    rows = [("Method", METHODS[surface.method])]
+    if mirror.faithful is not None:
+        # The iteration has nothing to do for a plane, and its deviation no percent.
+        rows += [(f"Least squares, {spans_in_words(level.spans)} spans of degree {mirror.faithful.degree}",
+                  f"shape RMS {with_unit(level.shape_rms_percent, '%', FLOOR_DIGITS)}; {level.unknowns} unknowns, "
+                  f"{level.evaluations} evaluations, {with_unit(level.seconds, 's', 2)}") for level in mirror.faithful.levels]
+    rows += [
         ("Integration of the profile", f"{surface.integration}{step}"),
         ("Fit", f"{fit.route}, degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans (x × y), "
                 f"in {with_unit(fit.seconds, 's', 2)}; tolerances {'met' if fit.met else 'not met'}"),

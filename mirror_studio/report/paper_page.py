@@ -9,7 +9,8 @@ from typing import Any
 import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
-from mirror_studio.report.text import fixed, fixed_with_unit, lane_in_words, law_in_short, templates, with_unit
+from mirror_studio.report.side_by_side import METHODS
+from mirror_studio.report.text import MISSING, fixed, fixed_with_unit, lane_in_words, law_in_short, templates, with_unit
 
 # Table 1's rows: key, name, unit. The paper's values keep its one decimal.
 MEASURES = (
@@ -57,9 +58,11 @@ def write_index(path: Path, mirrors: list[dict[str, Any]], table1: dict[str, Any
     each progressive mirror.   figures : "fig5", "fig6" → file beside the page.
     """
     lanes = [mirror["spec"]["scene"]["lane"] for mirror in mirrors if (mirror.get("spec") or {}).get("scene")]
+    rows = [_mirror_row(mirror) for mirror in mirrors]
     page = templates().get_template("index.html.j2").render(
         title="Progressive mirrors after Lee et al. (2014)",
-        header=list(table1), rows=_table1_rows(table1), mirrors=[_mirror_row(mirror) for mirror in mirrors],
+        header=list(table1), rows=_table1_rows(table1), mirrors=rows,
+        floors=any(text != MISSING for row in rows for text in row["shape"]),
         lane=lane_in_words(lanes[0]) if lanes else None,
         figures=[(file, FIGURES.get(key, key)) for key, file in figures.items()],
     )
@@ -92,6 +95,7 @@ def _mirror_row(mirror: Mapping[str, Any]) -> dict[str, Any]:
     metrics, total = mirror.get("metrics") or {}, mirror["deviation"]["total"]
     spec, verdicts = mirror.get("spec") or {}, mirror["deviation"]["verdicts"]
     worst = {key: with_unit(total.get(f"{key}_max_percent"), "%", sign=True) for key in ("k1", "k2", "twist")}
+    methods = metrics.get("methods") or {}
     return {
         "name": mirror["name"],
         "laws": [law_in_short(spec[key]) for key in ("horizontal", "vertical") if spec.get(key)],
@@ -99,6 +103,7 @@ def _mirror_row(mirror: Mapping[str, Any]) -> dict[str, Any]:
         "vertical": _both(metrics.get("v_fov_left_deg"), ("section", "traced"), "°", 2),
         "lane": _both(metrics.get("lane_straightness_percent"), ("traced", "image"), "%", 1),
         "worst": worst,
+        "shape": [with_unit((methods.get(method) or {}).get("shape_rms_percent"), "%") for method in METHODS],
         "numerical": "met" if verdicts["numerical"] else "not met",
     }
 

@@ -12,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 MISSING = "—"
 NARROW_SPACE = "\u202f"
-CLOSE_UNITS = ("°", "″")
+CLOSE_UNITS = ("°", "′", "″")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Outside this range a number is written with a power of ten.
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e7
