@@ -12,6 +12,7 @@ from mirror_cad.errors import SurfaceError
 
 Array = NDArray[np.float64]
 
+ORDERS = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}  # of differentiation by u and v
 CHUNK = 20_000  # points evaluated at once: a few MB of basis functions and poles, inside the cache of most machines
 
 
@@ -55,11 +56,13 @@ class BSplineSurface:
         """
         return self._derivatives(u, v, 0)[..., 0, 0, :]
 
-    def derivatives(self, u: ArrayLike, v: ArrayLike) -> dict[str, Array]:
-        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v), each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv"."""
-        d = self._derivatives(u, v, 2)
-        orders = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}
-        return {key: d[..., i, j, :] for key, (i, j) in orders.items()}
+    def derivatives(self, u: ArrayLike, v: ArrayLike, order: int = 2) -> dict[str, Array]:
+        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v), each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv".
+
+        order : 1 leaves out the second derivatives.
+        """
+        d = self._derivatives(u, v, order)
+        return {key: d[..., i, j, :] for key, (i, j) in ORDERS.items() if i + j <= order}
 
     def on_grid(self, u: Array, v: Array, component: int | None = None) -> dict[str, Array]:
         """`derivatives` on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products.
@@ -67,22 +70,21 @@ class BSplineSurface:
         component : 0, 1 or 2 gives that coordinate alone, (m, n); only where there are no weights.
         """
         bu, bv = dense_basis(self.knots_u, self.degree_u, u, 2), dense_basis(self.knots_v, self.degree_v, v, 2)
-        orders = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}
         if component is not None:
             if self.weights is not None:
                 raise SurfaceError("one coordinate alone is not defined by the poles of a rational surface")
             along_u = bu @ self.poles[..., component]
-            return {key: along_u[i] @ bv[j].T for key, (i, j) in orders.items()}
+            return {key: along_u[i] @ bv[j].T for key, (i, j) in ORDERS.items()}
         homogeneous = self._homogeneous()
         parts = {key: np.einsum("ai,ijc,bj->abc", bu[i], homogeneous, bv[j], optimize=True)
-                 for key, (i, j) in orders.items()}
+                 for key, (i, j) in ORDERS.items()}
         if self.weights is None:
             return parts
         stacked = np.zeros((len(u), len(v), 3, 3, 4))
-        for key, (i, j) in orders.items():
+        for key, (i, j) in ORDERS.items():
             stacked[:, :, i, j] = parts[key]
         quotient = _project(stacked)
-        return {key: quotient[:, :, i, j] for key, (i, j) in orders.items()}
+        return {key: quotient[:, :, i, j] for key, (i, j) in ORDERS.items()}
 
     def _homogeneous(self) -> Array:
         if self.weights is None:
@@ -184,7 +186,7 @@ def dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:
 
 
 def _project(h: Array) -> Array:
-    """Derivatives of the quotient from those of numerator and weight, (…, a, b, 4) -> (…, a, b, 3), orders 0 to 2."""
+    """Derivatives of the quotient from those of numerator and weight, (…, a, b, 4) -> (…, a, b, 3), orders up to 2."""
     out = np.zeros((*h.shape[:-1], 3))
     w = h[..., 3:]
     w0 = w[..., 0, 0, :]
@@ -194,6 +196,8 @@ def _project(h: Array) -> Array:
     s = out[..., 0, 0, :]
     out[..., 1, 0, :] = (h[..., 1, 0, :3] - w[..., 1, 0, :] * s) / w0
     out[..., 0, 1, :] = (h[..., 0, 1, :3] - w[..., 0, 1, :] * s) / w0
+    if h.shape[-2] == 2:
+        return out
     su, sv = out[..., 1, 0, :], out[..., 0, 1, :]
     out[..., 2, 0, :] = (h[..., 2, 0, :3] - 2.0 * w[..., 1, 0, :] * su - w[..., 2, 0, :] * s) / w0
     out[..., 0, 2, :] = (h[..., 0, 2, :3] - 2.0 * w[..., 0, 1, :] * sv - w[..., 0, 2, :] * s) / w0

@@ -184,9 +184,7 @@ def _of_sag(sag: Sag, grid: Grid) -> Stage:
 
 
 def _of_surface(surface: BSplineSurface, grid: Grid) -> Stage:
-    cells = surface.on_grid(grid.cells_x, grid.cells_y)
-    edge = surface.derivatives(grid.x[grid.edge], grid.y[grid.edge])
-    d = {key: np.concatenate([cells[key][grid.inside], edge[key]]) for key in cells}
+    d = grid.derivatives(surface)
     return Stage(shape_operator(d), d["s"][..., 2], normals(d["u"], d["v"]))
 
 
@@ -278,7 +276,7 @@ def stl_deviation(mesh: SurfaceMesh, surface: BSplineSurface, outline: Outline) 
         return {"height_max_mm": None, "normal_max_deg": None, "facets": 0}
     middle = facets.mean(axis=1)
     places = np.concatenate([middle, *(0.5 * (facets[:, a] + facets[:, b]) for a, b in ((0, 1), (1, 2), (2, 0)))])
-    d = surface.derivatives(np.clip(places[:, 0], x_min, x_max), np.clip(places[:, 1], y_min, y_max))
+    d = surface.derivatives(np.clip(places[:, 0], x_min, x_max), np.clip(places[:, 1], y_min, y_max), order=1)
     normal = normals(d["u"], d["v"])
     height = (places - d["s"])[:, 2] * normal[:, 2]  # vertical miss times cos of the slope: the distance to first order
     at_middle = normal[: len(facets)]

@@ -25,7 +25,9 @@ from mirror_cad.sections import DecoupledSag, SagDerivatives
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
-DEGREE = 7  # "auto": a sphere or torus is met to 1e-8 % on the first spans; quintic needs four times as many
+# "auto": quintic, which reaches the floor of free laws with half the unknowns; septic where quintic comes so near to the laws
+# that a surface may have them, as a sphere or torus has: it then comes nearer by orders.
+DEGREES, NEAR_PERCENT = (5, 7), 0.01
 LEVELS = ((4, 3), (6, 4), (8, 6), (12, 8))  # spans over the mirror's box, until more of them gain nothing
 # More spans gain nothing when the RMS falls by less than this in percentage points and by less than this share of it.
 GAIN_POINTS, GAIN_SHARE = 0.01, 0.1
@@ -115,9 +117,20 @@ def closest_surface(curvature: DesignedCurvature, outline: Outline, start: Decou
     Sources: do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3 for W; J. Moré, The
     Levenberg–Marquardt algorithm, Lecture Notes in Mathematics 630 (1978).
     """
-    degree = DEGREE if isinstance(degree, str) else degree
-    box = outline.bounding_box()
     rms = curvature.rms(outline)
+    if not isinstance(degree, str):
+        return _refined(curvature, outline, start, domain, breaks, degree, spans, rms, NOTHING_PERCENT)
+    quintic = _refined(curvature, outline, start, domain, breaks, DEGREES[0], spans, rms, NEAR_PERCENT)
+    reached = quintic.levels[-1].shape_rms_percent
+    if reached is None or reached > NEAR_PERCENT:
+        return quintic
+    return _refined(curvature, outline, start, domain, breaks, DEGREES[1], spans, rms, NOTHING_PERCENT)
+
+
+def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag, domain: Box,
+             breaks: Sequence[tuple[float, int]], degree: int, spans: tuple[int, int] | str, rms: float,
+             enough_percent: float) -> Faithful:
+    box = outline.bounding_box()
     levels: list[Level] = []
     settled = not isinstance(spans, str) or rms == 0.0
     for nx, ny in LEVELS if isinstance(spans, str) else (spans,):
@@ -131,7 +144,8 @@ def closest_surface(curvature: DesignedCurvature, outline: Outline, start: Decou
         reached = shape_rms_percent(sag, curvature, outline, rms)
         levels.append(Level((len(ends[0]) - 1, len(ends[1]) - 1), problem.unknowns, evaluations, reached,
                             time.perf_counter() - began))
-        if settled or (len(levels) > 1 and _gained_nothing(levels[-2].shape_rms_percent, reached)):
+        if settled or reached is None or reached < enough_percent or (
+                len(levels) > 1 and _gained_nothing(levels[-2].shape_rms_percent, reached)):
             settled = True
             break
     return Faithful(sag, degree, ends, tuple(levels), settled)
@@ -150,10 +164,9 @@ def shape_rms_percent(sag: FaithfulSag | DecoupledSag, curvature: DesignedCurvat
     return 100.0 * rms_norm(difference, inside) / rms
 
 
-def _gained_nothing(before: float | None, after: float | None) -> bool:
-    if before is None or after is None or after < NOTHING_PERCENT:
-        return True
-    return before - after < GAIN_POINTS and before - after < GAIN_SHARE * before
+def _gained_nothing(before: float | None, after: float) -> bool:
+    gain = (before or 0.0) - after
+    return gain < GAIN_POINTS and gain < GAIN_SHARE * (before or 0.0)
 
 
 def _ends(domain: tuple[float, float], box: tuple[float, float], breaks: Sequence[tuple[float, int]], degree: int,

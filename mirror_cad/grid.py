@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.bspline import BSplineSurface
 from mirror_cad.outline import Outline
 
 Array = NDArray[np.float64]
@@ -50,6 +51,12 @@ class Grid:
     def edge(self) -> slice:
         """Which of the places lie on the edge."""
         return slice(int(self.inside.sum()), len(self.x))
+
+    def derivatives(self, surface: BSplineSurface) -> dict[str, Array]:
+        """`surface.derivatives` at (x, y), each (n, 3), for u = x and v = y; the cells as the regular grid that they are."""
+        cells = surface.on_grid(self.cells_x, self.cells_y)
+        edge = surface.derivatives(self.x[self.edge], self.y[self.edge])
+        return {key: np.concatenate([cells[key][self.inside], edge[key]]) for key in cells}
 
     def as_map(self, values: Array) -> Array:
         """Values at (x, y) as a rectangle (cells_x, cells_y), NaN outside the outline."""

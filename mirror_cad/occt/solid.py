@@ -17,14 +17,15 @@ from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_Curve, Geom2d_TrimmedCurve
 from OCP.GeomAbs import GeomAbs_C1
 from OCP.GProp import GProp_GProps
-from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
-from OCP.TopExp import TopExp_Explorer
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
+from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from mirror_cad.bspline import BSplineSurface
+from mirror_cad.collocation import collocate
 from mirror_cad.differential import normals, principal_curvatures_of, shape_operator
 from mirror_cad.errors import SolidError
-from mirror_cad.fit import collocate
 from mirror_cad.grid import Grid
 from mirror_cad.occt.convert import to_geom_surface, to_pcurve
 from mirror_cad.outline import Outline
@@ -35,39 +36,43 @@ Array = NDArray[np.float64]
 EDGE_TOLERANCE_MM = 1e-7
 # Faces closer than this are sewn: the edges' own error, with room for the ends of two of them.
 SEWING_TOLERANCE_MM = 1e-6
-# The back is a B-spline within this of the true offset.
+# The back is a B-spline within this of the true offset, and within this share of the thickness.
 BACK_TOLERANCE_MM = 1e-3
+BACK_SHARE = 0.01
+BACK_ROUNDS = 4  # tries at the back, each on half the spans of the one before
+# A thinner plate is not two surfaces any more to what reads it: float32, which STL holds, has steps of 1e-4 mm at 1.5 m.
+THINNEST_MM = 1e-3
+# The kernel's adaptive integration of area and volume, relative, starts anew on every edge: at the fine setting a thousand
+# edges take a minute. Short pieces need only the coarse one: 1e-11 on 17 even pieces, 1e-14 on 60. A few long edges among
+# many short ones cost it 1e-7.
+INTEGRAL_ACCURACY, INTEGRAL_ACCURACY_MANY = 1e-9, 1e-3
+MANY_EDGES = 50
+# And on every patch: a law with a step 0.1 mm wide took 5 s at the fine setting, 0.3 s at the coarse one, 1e-7 apart.
+MANY_PATCHES = 500
 
 
 @dataclass(frozen=True, eq=False)
 class Plate:
     """A mirror as a solid: the optical face, the whole, and what the kernel says of it.
 
-    area_mm2 : of the optical face.   volume_mm3 : of the plate.   back_error_mm : back against the true offset.
+    back : the surface behind, on the optical surface's parameters.   area_mm2 : of the optical face.
+    volume_mm3 : of the plate.   back_error_mm : back against the true offset.
     """
 
     solid: TopoDS_Solid
     optical: TopoDS_Face
+    back: BSplineSurface
     area_mm2: float
     volume_mm3: float
     back_error_mm: float
 
 
-def trimmed_face(surface: BSplineSurface, outline: Outline) -> TopoDS_Face:
-    """The part of a surface with u = x, v = y that lies inside the outline.
-
-    The outline is used as trimming curves in (u, v), so it is met exactly; the edges in space follow to
-    EDGE_TOLERANCE_MM. Raises: SolidError where the kernel finds the face invalid.
-    """
-    return _face(to_geom_surface(surface), _pcurves(outline))
-
-
 def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> Plate:
     """The solid between the optical face and its offset by −t·N, with ruled sides along the normals.
 
-    Front, back and sides are plain B-splines. Back: S − t·N collocated on the front's own knots, so the front's
-    trimming curves serve for both. Raises: SolidError where t reaches the smallest convex radius, where the back
-    misses the true offset by more than BACK_TOLERANCE_MM, or where the kernel finds no single valid solid.
+    Front, back and sides are plain B-splines. Back: S − t·N on the front's parameters, so the front's trimming curves
+    serve for both. Raises: SolidError for a thickness that `check_thickness` refuses, where the back misses the true
+    offset by more than BACK_TOLERANCE_MM, or where the kernel finds no single valid solid.
     """
     check_thickness(surface, outline, thickness_mm)
     back_surface, back_error = offset_surface(surface, outline, thickness_mm)
@@ -81,16 +86,18 @@ def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> Pla
         sewing.Add(BRepFill.Face_s(edge, other))
     sewing.Perform()
     shell = _only(sewing.SewedShape(), TopAbs_SHELL, "shell")
+    front = sewing.Modified(front) if sewing.IsModified(front) else front
+    if face_on(shell, to_geom_surface(surface), front).Orientation() == TopAbs_REVERSED:
+        shell.Reverse()  # outside is where the optical face's normal points
     builder = BRep_Builder()
     solid = TopoDS_Solid()
     builder.MakeSolid(solid)
     builder.Add(solid, shell)
-    BRepLib.OrientClosedSolid_s(solid)
-    optical = face_on(solid, to_geom_surface(surface), sewing.Modified(front) if sewing.IsModified(front) else front)
+    optical = face_on(solid, to_geom_surface(surface), front)
     if sewing.NbFreeEdges() or not BRepCheck_Analyzer(solid).IsValid():
         raise SolidError(f"the plate of {thickness_mm:g} mm is no valid solid ({sewing.NbFreeEdges()} open edges): look "
                          "for an outline with pieces shorter than a micrometre or corners sharper than the glass is thick")
-    return Plate(solid, optical, area(optical), volume(solid), back_error)
+    return Plate(solid, optical, back_surface, area(optical), volume(solid), back_error)
 
 
 def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:
@@ -110,19 +117,30 @@ def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tu
 
 
 def check_thickness(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> None:
-    """Raise SolidError where the offset would fold: t·κ ≥ 1 for a convex principal curvature."""
+    """Raise SolidError for a thickness that makes no plate of this surface.
+
+    Below THINNEST_MM; where t·κ ≥ 1 for a convex principal curvature, the offset folds; where t·κ ≤ −1 for a concave
+    one, the glass is thicker than the radius it is bent to.
+    """
+    what = f"glass.thickness_mm = {thickness_mm:g}"
+    if not thickness_mm >= THINNEST_MM:
+        raise SolidError(f"{what} is below {THINNEST_MM:g} mm: front and back would be one surface to most readers of STL")
     grid = Grid.over(outline)
     x, y = grid.x, grid.y
-    w = shape_operator(surface.derivatives(x, y))
-    largest, _ = principal_curvatures_of(w)
-    worst = int(np.argmax(largest))
-    if thickness_mm * largest[worst] >= 1.0:
-        raise SolidError(f"glass.thickness_mm = {thickness_mm:g} is not below the smallest convex radius, "
-                         f"{1.0 / largest[worst]:.2f} mm at ({x[worst]:.1f}, {y[worst]:.1f}) mm: the back would fold")
+    larger, smaller = principal_curvatures_of(shape_operator(grid.derivatives(surface)))
+    for kind, kappa, why in (("convex", larger, "the back would fold: thinner glass, or larger radii"),
+                             ("concave", -smaller, "that is a block and no bent plate: thinner glass, or larger radii")):
+        worst = int(np.argmax(kappa))
+        if thickness_mm * kappa[worst] >= 1.0:
+            raise SolidError(f"{what} is not below the smallest {kind} radius, {1.0 / kappa[worst]:.2f} mm at "
+                             f"({x[worst]:.1f}, {y[worst]:.1f}) mm: {why}")
 
 
 def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> tuple[BSplineSurface, float]:
-    """S − t·N as a B-spline on the same parameters, and its largest distance from the true offset, mm."""
+    """S − t·N as a B-spline on the same parameters, and its largest distance from the true offset, mm.
+
+    Collocated on the front's own knots, with spans halved until the tolerance holds. Raises: SolidError where it does not.
+    """
 
     def offset(u: Array, v: Array) -> Array:
         d = surface.on_grid(u, v)
@@ -130,21 +148,19 @@ def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: floa
         return result
 
     degree = max(surface.degree_u, surface.degree_v)
+    tolerance = min(BACK_TOLERANCE_MM, BACK_SHARE * thickness_mm)
     grid = Grid.over(outline)
-    x, y = grid.x, grid.y
-    d = surface.derivatives(x, y)
+    d = grid.derivatives(surface)
     wanted = d["s"] - thickness_mm * normals(d["u"], d["v"])
     knots_u, knots_v = _knots_for_normals(surface.knots_u, degree), _knots_for_normals(surface.knots_v, degree)
-    for attempt in range(4):
+    for _ in range(BACK_ROUNDS):
         back = collocate(offset, knots_u, knots_v, degree)
-        error = float(np.linalg.norm(back.evaluate(x, y) - wanted, axis=1).max())
-        if error <= BACK_TOLERANCE_MM:
+        error = float(np.linalg.norm(grid.derivatives(back)["s"] - wanted, axis=1).max())
+        if error <= tolerance:
             return back, error
-        # Knots that are not ours can be crowded so that collocation on them is useless: even ones serve a smooth surface.
-        spans = 24 * 2**attempt
-        knots_u, knots_v = (_even_knots(knots, degree, spans) for knots in (surface.knots_u, surface.knots_v))
-    raise SolidError(f"the back of the plate stays {error:.2g} mm from the true offset (at most {BACK_TOLERANCE_MM:g} mm "
-                     "is allowed): the surface bends too sharply for this glass.thickness_mm")
+        knots_u, knots_v = (np.sort(np.concatenate([k, _middles(k)])) for k in (knots_u, knots_v))
+    raise SolidError(f"the back of the plate stays {error:.2g} mm from the true offset (at most {tolerance:g} mm is allowed): "
+                     "the surface bends too sharply for this glass.thickness_mm")
 
 
 def _knots_for_normals(knots: Array, degree: int) -> Array:
@@ -155,8 +171,9 @@ def _knots_for_normals(knots: Array, degree: int) -> Array:
     return np.repeat(values, counts)
 
 
-def _even_knots(knots: Array, degree: int, spans: int) -> Array:
-    return np.concatenate([[knots[0]] * degree, np.linspace(knots[0], knots[-1], spans + 1), [knots[-1]] * degree])
+def _middles(knots: Array) -> Array:
+    ends = np.unique(knots)
+    return 0.5 * (ends[:-1] + ends[1:])
 
 
 # --- topology --------------------------------------------------------------------------------------------------------
@@ -175,6 +192,8 @@ def _pcurves(outline: Outline) -> list[Geom2d_Curve]:
 
 
 def _face(surface: Geom_BSplineSurface, pcurves: list[Geom2d_Curve]) -> TopoDS_Face:
+    """The part of a surface inside trimming curves in (u, v), which are met exactly; the edges in space follow to
+    EDGE_TOLERANCE_MM."""
     wire = BRepBuilderAPI_MakeWire()
     for curve in pcurves:
         edge = BRepBuilderAPI_MakeEdge(curve, surface, curve.FirstParameter(), curve.LastParameter()).Edge()
@@ -261,12 +280,20 @@ def is_valid(shape: TopoDS_Shape) -> bool:
 def area(shape: TopoDS_Shape) -> float:
     """Surface area by the kernel, mm²."""
     properties = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(shape, properties, 1e-9)
+    BRepGProp.SurfaceProperties_s(shape, properties, _accuracy(shape))
     return float(properties.Mass())
 
 
 def volume(shape: TopoDS_Shape) -> float:
     """Volume by the kernel, mm³."""
     properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, properties, 1e-9, True)
+    BRepGProp.VolumeProperties_s(shape, properties, _accuracy(shape), True)
     return float(properties.Mass())
+
+
+def _accuracy(shape: TopoDS_Shape) -> float:
+    edges = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, TopAbs_EDGE, edges)
+    surfaces = [BRep_Tool.Surface_s(face) for face in faces_of(shape)]
+    patches = sum((each.NbUKnots() - 1) * (each.NbVKnots() - 1) for each in surfaces if isinstance(each, Geom_BSplineSurface))
+    return INTEGRAL_ACCURACY if edges.Extent() <= MANY_EDGES and patches <= MANY_PATCHES else INTEGRAL_ACCURACY_MANY

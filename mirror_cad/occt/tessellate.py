@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
@@ -20,12 +21,16 @@ from mirror_cad.mesh import SurfaceMesh
 # The chordal deflection alone decides: an angular limit this wide never adds a triangle on a mirror.
 ANGULAR_DEFLECTION_RAD = 1.0
 
+STL_HEADER = b"mirror-cad, binary STL, mm"  # it must not begin with "solid", which is how a text file begins
+STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
 
 def triangulate(shape: TopoDS_Shape, deflection_mm: float, straight: bool = False) -> None:
-    """Mesh a shape in place so that no triangle is farther than the deflection, an absolute length, from it.
+    """Mesh a shape in place by the kernel, which takes the deflection, an absolute length, as advice.
 
-    Delabella is many times faster than the kernel's default mesher at deflections below 0.01 mm, but does not come to an
-    end on a surface that is straight in one direction: `straight` takes the default one.
+    For any shape; a mirror's own plate has `plate_mesh`, which keeps to it. Delabella is many times faster than the
+    kernel's default mesher at deflections below 0.01 mm, but does not always come to an end on a surface that is straight
+    in one direction: `straight` takes the default one.
     """
     BRepTools.Clean_s(shape)
     parameters = IMeshTools_Parameters()
@@ -52,21 +57,62 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
     return SurfaceMesh(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]), faces)
 
 
-def write_stl(path: Path, shape: TopoDS_Shape, deflection_mm: float, straight: bool = False) -> None:
-    """Write a shape as binary STL with an absolute deflection. Raises: WriteError where it cannot be written."""
-    triangulate(shape, deflection_mm, straight)
+def write_stl(path: Path, shape: TopoDS_Shape, deflection_mm: float) -> None:
+    """Write a shape as binary STL, meshed by `triangulate`. Raises: WriteError where it cannot be written."""
+    triangulate(shape, deflection_mm)
     writer = StlAPI_Writer()
     writer.ASCIIMode = False
     if not writer.Write(shape, str(path)):
         raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
 
+def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
+    """Write triangles as binary STL: float32 corners, facets in the mesh's order.
+
+    Facets that float32 leaves without three different corners are left out. Raises: WriteError where the file cannot be
+    written, or reads back different.
+    """
+    corners = mesh.vertices.astype(np.float32)[mesh.faces]
+    corners = corners[(corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)]
+    records = np.zeros(len(corners), dtype=STL_FACET)
+    a, b, c = np.moveaxis(corners.astype(np.float64), 1, 0)
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    records["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    records["corners"] = corners
+    header = STL_HEADER.ljust(80) + np.uint32(len(records)).astype("<u4").tobytes()
+    try:
+        path.write_bytes(header + records.tobytes())
+    except OSError as error:
+        raise WriteError(f"{path}: the STL file cannot be written: {error.strerror or error}") from None
+    read = read_stl(path)
+    if not np.array_equal(read.vertices[read.faces], corners):
+        raise WriteError(f"{path}: reads back as {len(read.faces)} facets that differ from the {len(corners)} written")
+
+
 def read_stl(path: Path) -> SurfaceMesh:
-    """The triangles of a binary or ASCII STL file. Raises: FileError for a file that holds none."""
-    triangulation = RWStl.ReadFile_s(str(path)) if path.is_file() else None
+    """The triangles of a binary or ASCII STL file, equal corners as one vertex. Raises: FileError for one that holds none."""
+    if not path.is_file():
+        raise FileError(f"{path}: no such file")
+    corners = _binary_corners(path)
+    if corners is not None:
+        rows = np.ascontiguousarray(corners.reshape(-1, 3) + np.float32(0.0))  # −0 and 0 are one place
+        _, first, index = np.unique(rows.view("V12").ravel(), return_index=True, return_inverse=True)
+        return SurfaceMesh(rows[first].astype(np.float64), index.reshape(-1, 3).astype(np.int32))
+    triangulation = RWStl.ReadFile_s(str(path))
     if triangulation is None or triangulation.NbTriangles() == 0:
-        raise FileError(f"{path}: not an STL file with triangles in it" if path.is_file() else f"{path}: no such file")
+        raise FileError(f"{path}: not an STL file with triangles in it")
     nodes = [triangulation.Node(i) for i in range(1, triangulation.NbNodes() + 1)]
     faces = np.array([triangulation.Triangle(i).Get() for i in range(1, triangulation.NbTriangles() + 1)], dtype=np.int32)
     vertices = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
     return SurfaceMesh(vertices, faces - 1)
+
+
+def _binary_corners(path: Path) -> NDArray[np.float32] | None:
+    """The corners (n, 3, 3) of a binary STL, which is known by its length; None for any other file."""
+    data = path.read_bytes()
+    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) > 84 else 0
+    if count == 0 or len(data) != 84 + STL_FACET.itemsize * count:
+        return None
+    corners: NDArray[np.float32] = np.frombuffer(data, STL_FACET, count, 84)["corners"].astype(np.float32)
+    return corners if np.isfinite(corners).all() else None
