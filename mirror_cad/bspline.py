@@ -56,13 +56,17 @@ class BSplineSurface:
         """
         return self._derivatives(u, v, 0)[..., 0, 0, :]
 
-    def derivatives(self, u: ArrayLike, v: ArrayLike, order: int = 2) -> dict[str, Array]:
-        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v), each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv".
+    def derivatives(self, u: ArrayLike, v: ArrayLike) -> dict[str, Array]:
+        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v), each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv"."""
+        d = self._derivatives(u, v, 2)
+        return {key: d[..., i, j, :] for key, (i, j) in ORDERS.items()}
 
-        order : 1 leaves out the second derivatives.
-        """
-        d = self._derivatives(u, v, order)
-        return {key: d[..., i, j, :] for key, (i, j) in ORDERS.items() if i + j <= order}
+    def heights(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array, Array]:
+        """z, z_u, z_v at (u, v): all that a surface with u = x, v = y has besides x and y, at a quarter of the work."""
+        if self.weights is not None:
+            raise SurfaceError("one coordinate alone is not defined by the poles of a rational surface")
+        d = self._derivatives(u, v, 1, self.poles[..., 2:])[..., 0]
+        return d[..., 0, 0], d[..., 1, 0], d[..., 0, 1]
 
     def on_grid(self, u: Array, v: Array, component: int | None = None) -> dict[str, Array]:
         """`derivatives` on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products.
@@ -91,12 +95,12 @@ class BSplineSurface:
             return self.poles
         return np.concatenate([self.poles * self.weights[..., None], self.weights[..., None]], axis=2)
 
-    def _derivatives(self, u: ArrayLike, v: ArrayLike, order: int) -> Array:
+    def _derivatives(self, u: ArrayLike, v: ArrayLike, order: int, poles: Array | None = None) -> Array:
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         shape = u.shape
         u, v = u.ravel(), v.ravel()
         self._check_domain(u, v)
-        homogeneous = self._homogeneous()
+        homogeneous = self._homogeneous() if poles is None else poles
         out = np.empty((u.size, order + 1, order + 1, homogeneous.shape[2]))
         for start in range(0, u.size, CHUNK):
             part = slice(start, start + CHUNK)
@@ -108,7 +112,7 @@ class BSplineSurface:
             out[part] = np.einsum("nai,nijc,nbj->nabc", bu, local, bv, optimize=True)
         if self.weights is not None:
             out = _project(out)
-        return out.reshape((*shape, order + 1, order + 1, 3))
+        return out.reshape((*shape, *out.shape[1:]))
 
     def _check_domain(self, u: Array, v: Array) -> None:
         u_min, u_max, v_min, v_max = self.domain
@@ -186,7 +190,7 @@ def dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:
 
 
 def _project(h: Array) -> Array:
-    """Derivatives of the quotient from those of numerator and weight, (…, a, b, 4) -> (…, a, b, 3), orders up to 2."""
+    """Derivatives of the quotient from those of numerator and weight, (…, a, b, 4) -> (…, a, b, 3), order 0 or 2."""
     out = np.zeros((*h.shape[:-1], 3))
     w = h[..., 3:]
     w0 = w[..., 0, 0, :]
@@ -196,8 +200,6 @@ def _project(h: Array) -> Array:
     s = out[..., 0, 0, :]
     out[..., 1, 0, :] = (h[..., 1, 0, :3] - w[..., 1, 0, :] * s) / w0
     out[..., 0, 1, :] = (h[..., 0, 1, :3] - w[..., 0, 1, :] * s) / w0
-    if h.shape[-2] == 2:
-        return out
     su, sv = out[..., 1, 0, :], out[..., 0, 1, :]
     out[..., 2, 0, :] = (h[..., 2, 0, :3] - 2.0 * w[..., 1, 0, :] * su - w[..., 2, 0, :] * s) / w0
     out[..., 0, 2, :] = (h[..., 0, 2, :3] - 2.0 * w[..., 0, 1, :] * sv - w[..., 0, 2, :] * s) / w0

@@ -20,6 +20,7 @@ LARGEST_CURVATURE = 1.0  # 1/mm: a pole in a formula passes it at once, a radius
 # A piece of the series narrower than this marks a kink or jump that the law's text does not announce (an expression
 # with min or max, say): halving stops there at some 1e-4 mm, and nothing smooth needs pieces of less than 0.01 mm.
 HIDDEN_BREAK_MM = 5e-3
+MOST_ANNOUNCED = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,9 @@ class CurvatureLaw:
                                 f"radius below {1 / LARGEST_CURVATURE:g} mm: change the law there")
             return kappa
 
-        inner = sorted(b.x_mm for b in self.breaks if x_min < b.x_mm < x_max)
+        # Beyond so many, the soft ones (a long table's nodes) are found where they matter, and cost nothing where not.
+        few = len(self.breaks) <= MOST_ANNOUNCED
+        inner = sorted(b.x_mm for b in self.breaks if x_min < b.x_mm < x_max and (few or b.smoothness < 2))
         return approximate(checked, [x_min, *inner, x_max])
 
     def all_breaks(self, series: PiecewiseChebyshev) -> tuple[Break, ...]:

@@ -274,11 +274,14 @@ def stl_deviation(mesh: SurfaceMesh, surface: BSplineSurface, outline: Outline) 
     facets = corners[optical]
     if len(facets) == 0:
         return {"height_max_mm": None, "normal_max_deg": None, "facets": 0}
-    middle = facets.mean(axis=1)
-    places = np.concatenate([middle, *(0.5 * (facets[:, a] + facets[:, b]) for a, b in ((0, 1), (1, 2), (2, 0)))])
-    d = surface.derivatives(np.clip(places[:, 0], x_min, x_max), np.clip(places[:, 1], y_min, y_max), order=1)
-    normal = normals(d["u"], d["v"])
-    height = (places - d["s"])[:, 2] * normal[:, 2]  # vertical miss times cos of the slope: the distance to first order
+    # Two facets share an edge: its middle is looked at once.
+    used = mesh.faces[optical]
+    edges = np.sort(np.concatenate([used[:, [0, 1]], used[:, [1, 2]], used[:, [2, 0]]]), axis=1).astype(np.int64)
+    edges = np.stack(np.divmod(np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1]), len(mesh.vertices)), axis=1)
+    places = np.concatenate([facets.mean(axis=1), mesh.vertices[edges].mean(axis=1)])
+    z, z_x, z_y = surface.heights(np.clip(places[:, 0], x_min, x_max), np.clip(places[:, 1], y_min, y_max))
+    normal = np.stack([-z_x, -z_y, np.ones_like(z)], axis=1) / np.sqrt(1.0 + z_x**2 + z_y**2)[:, None]
+    height = (places[:, 2] - z) * normal[:, 2]  # vertical miss times cos of the slope: the distance to first order
     at_middle = normal[: len(facets)]
     chord = np.linalg.norm(mesh.facet_normals()[optical] - at_middle, axis=1)
     return {"height_max_mm": float(np.abs(height).max()),

@@ -29,7 +29,7 @@ from mirror_cad.profile import (
     section_fov,
     sine_of_tangent_angle,
 )
-from mirror_cad.sections import DecoupledSag, Sag, check_circles, existing_half_height
+from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
-STL_ROUNDING = float(np.finfo(np.float32).eps)  # relative: half a step for each of two corners
+STL_ROUNDING = float(np.finfo(np.float32).eps)  # relative: rounding to float32 moves a corner by less
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +215,8 @@ def design(spec: MirrorSpec) -> Mirror:
     exact = DecoupledSag(exact_profile, kappa_2)
     designed = DesignedCurvature(kappa, kappa_2)
     breaks = horizontal.all_breaks(kappa), vertical.all_breaks(kappa_2)
+    if surface_spec.method == "decoupled":
+        check_steps(kappa_2, [b.x_mm for b in breaks[1] if b.smoothness < 0], x_min, x_max, half_height)
     degree, spans = surface_spec.degree, surface_spec.spans
     faithful: Faithful | None = None
     model: Sag = exact

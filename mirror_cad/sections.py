@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -37,6 +38,9 @@ class Sag(Protocol):
     def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
         """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
         ...
+
+
+STEEPEST_STEP = STEEPEST_SINE / np.sqrt(1.0 - STEEPEST_SINE**2)  # the slope at which the profile ends too
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +102,28 @@ def check_circles(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half
             f"the vertical radius {abs(1.0 / kappa[worst]):.1f} mm at x = {x[worst]:.1f} mm is not above the mirror's "
             f"half-height {half_height_mm:.1f} mm: its circle ends before the edge; raise the vertical radius there or "
             "make the outline lower")
+
+
+def check_steps(vertical: PiecewiseChebyshev, jumps: Sequence[float], x_min: float, x_max: float,
+                half_height_mm: float) -> None:
+    """Raise ProfileError where κ₂ changes so fast that the decoupled surface stands up: z_x = −κ₂′·y²/(w(1 + w)).
+
+    jumps : where κ₂ itself is not continuous.   vertical : κ₂ between x_min and x_max at least.
+    """
+    first = vertical.derivative()
+    ends = np.unique(np.clip(vertical.breaks, x_min, x_max))
+    x = (ends[:-1, None] + np.diff(ends)[:, None] * np.linspace(0.02, 0.98, 33)).ravel()
+    w = _cosine(vertical(x), np.full_like(x, half_height_mm))
+    slope = np.abs(first(x)) * half_height_mm**2 / (w * (1.0 + w))
+    worst = int(np.argmax(slope))
+    inside = [jump for jump in jumps if x_min < jump < x_max]
+    if not inside and slope[worst] <= STEEPEST_STEP:
+        return
+    what = (f"jumps at x = {inside[0]:.2f} mm: its circles do not meet there" if inside else
+            f"changes so fast at x = {round(float(x[worst]), 2) + 0.0:.2f} mm that the surface would stand at "
+            f"{np.degrees(np.arctan(slope[worst])):.1f}° at y = {half_height_mm:.0f} mm")
+    raise ProfileError(f"the vertical law {what}; blend it over a longer stretch, or take [surface] method = \"faithful\", "
+                       "which has no steps")
 
 
 def existing_half_height(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half_height_mm: float) -> float:

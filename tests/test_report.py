@@ -120,7 +120,7 @@ def test_report_names_the_method_and_what_its_deviation_comes_from(
     phrases = {
         "decoupled": ["hangs circles of radius Ry(x)", "which is the model itself", "at the stated limit of 3\u202f%"],
         "faithful": ["Gauss and Codazzi", "Refining the spans from 6\u202f×\u202f5 to ", "point and normal at the origin held",
-                     "as no limit is stated", "Least squares, 6\u202f×\u202f5 spans of degree 7",
+                     "as no limit is stated", "Least squares, 6\u202f×\u202f5 spans of degree 5",
                      "least squares on 6\u202f×\u202f5, then"]}
     for designed, method in ((limited, "decoupled"), (faithful, "faithful")):
         text = _readable(_report(tmp_path, designed, METRICS, MANIFEST))

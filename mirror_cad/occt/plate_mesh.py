@@ -153,6 +153,9 @@ class _Rim:
             middles = 0.5 * (rim.keys[wide] + rim._ends()[wide])
             fresh = np.searchsorted(halved.keys, np.sort(np.concatenate([rim.keys[wide], middles])))
             rim = halved
+            if len(rim.keys) > MOST_FACETS:
+                raise WriteError(f"a deflection of {deflection_mm:.2g} mm takes more than {MOST_FACETS:,} edges around this "
+                                 "outline: ask for more, or for a simpler outline")
         return rim
 
     def halved(self, edges: Indices) -> _Rim:

@@ -53,6 +53,7 @@ RAYS = 400
 STEP_MM = 0.05  # of the differences that stand for κ₂′, κ₂″: fourth order, some 1e-9 of a law that changes over 10 mm
 ARCSEC = math.degrees(1.0) * 3600.0
 PACKAGES = ("mirror_cad", "raytrace", "mirror_studio")
+STACK = "stack.txt"
 
 GOOD = WITHIN, REFUSED = "within", "refused"
 BAD = OUTSIDE, NOT_A_NUMBER, NOT_REFUSED, WRONGLY_REFUSED, CAUSE_NOT_NAMED, INTERNAL, CRASHED, HANGS = (
@@ -1015,12 +1016,13 @@ class Work:
     limit_s: float
 
 
-def _serve(connection: Connection, work: Work, where: str) -> None:
+def _serve(connection: Connection, work: Work, folder: str) -> None:
     """A worker's whole life: warm up, say so, then a row for each name that comes. A timer's signal ends it at the limit.
 
-    where : the file that takes the call stack if the process dies.
+    folder : for the cases' files, and for the call stack if the process dies; the caller clears it away.
     """
-    stack = open(where, "w")  # noqa: SIM115  (as long as the process lives)
+    tempfile.tempdir = folder
+    stack = open(Path(folder) / STACK, "w")  # noqa: SIM115  (as long as the process lives)
     faulthandler.enable(stack)
     faulthandler.register(signal.SIGPROF, stack, all_threads=False, chain=True)
     work.warm_up()
@@ -1054,13 +1056,13 @@ class _Worker:
 
     def __init__(self, work: Work) -> None:
         self._work = work
-        self._stack = tempfile.NamedTemporaryFile("r", prefix="hard-case-")  # noqa: SIM115  (as long as the worker lives)
+        self._folder = tempfile.TemporaryDirectory(prefix="hard-cases-")
         self._start()
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, self._work, self._stack.name), daemon=True)
+        self._process = context.Process(target=_serve, args=(theirs, self._work, self._folder.name), daemon=True)
         self._process.start()
         theirs.close()
         if not self._connection.poll(WARM_UP_S):
@@ -1079,8 +1081,7 @@ class _Worker:
             self._process.join()
         code = self._process.exitcode
         self._end()
-        self._stack.seek(0)
-        stack = self._stack.read()
+        stack = (Path(self._folder.name) / STACK).read_text()
         self._start()
         where = re.search(rf"/((?:{'|'.join(PACKAGES)})/.*)\", line (\d+) in (\w+)", stack)
         within = f", in {where[1]}:{where[2]} ({where[3]})" if where else ""
@@ -1099,7 +1100,7 @@ class _Worker:
 
     def stop(self) -> None:
         self._end()
-        self._stack.close()
+        self._folder.cleanup()
 
 
 def _empty_row(case: Case) -> Row:
