@@ -31,7 +31,7 @@ NEAREST_BREAKS = 1e-5
 # Beyond the mirror the sheet may miss by ten times the tolerances: an error there reaches inside through the smooth knots.
 OUTSIDE_SHARE = 0.1
 MOST_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
-MOST_PATCHES = 4_000  # in all: a second of work for each try, and more than a kernel likes
+MOST_PATCHES = 10_000  # in all: seconds of work for each try, and more than a kernel likes
 # The spans are cut until the places looked at stay below this share of the tolerances: others may be a little worse.
 AIM = 0.7
 ROUNDS = 24
@@ -110,6 +110,7 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
     """
     start = time.perf_counter()
     first = DEGREE_FIRST if degree == "auto" else int(degree)
+    task = replace(task, breaks=_merged(task.breaks, NEAREST_BREAKS * (task.domain[1] - task.domain[0])))
     fit = _refine(task, first, spans)
     if degree == "auto" and spans == "auto" and (not fit.met or max(fit.spans) > MANY_SPANS):
         higher = _refine(task, DEGREE_THEN, spans)
@@ -130,6 +131,17 @@ def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degr
         shares[np.argmax(lengths / shares)] += 1
     parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(corners[:-1], corners[1:], shares, strict=True)]
     return np.concatenate([*parts, [high]])
+
+
+def _merged(breaks: Sequence[tuple[float, int]], nearest: float) -> tuple[tuple[float, int], ...]:
+    """Breaks with those that are too near for a span between them made one: seen from afar that is two orders harder."""
+    kept: list[tuple[float, int]] = []
+    for x, order in breaks:
+        if kept and x - kept[-1][0] <= nearest:
+            kept[-1] = (kept[-1][0], max(min(kept[-1][1], order) - 2, 0))
+        else:
+            kept.append((x, order))
+    return tuple(kept)
 
 
 def _apart(breaks: Sequence[tuple[float, int]], low: float, high: float) -> list[float]:

@@ -286,7 +286,7 @@ def test_an_outline_of_a_thousand_lines_is_built_exactly_and_in_seconds(tmp_path
     made = mirror.plate
     mirror.export_step(tmp_path / "a.step")
     mirror.export_stl(tmp_path / "a.stl")
-    assert time.process_time() - start < 20.0  # 5 s on an idle machine, where it was a minute; a shared one takes twice that
+    assert time.process_time() - start < 20.0  # 7 s here, where it was 60; a shared machine may take twice that
     assert len(faces_of(made.solid)) == 1002
     assert is_valid(made.solid)
     assert edges_off_the_surface(made, mirror) <= EDGE_TOLERANCE_MM
