@@ -17,7 +17,7 @@ import numpy as np
 
 import mirror_cad
 import raytrace
-from mirror_cad.occt.step import GLASS_COLOUR, Part, read_step_shape, write_step
+from mirror_cad.occt.step import GLASS_COLOUR, Part, read_step, write_step
 from mirror_cad.occt.tessellate import write_stl
 from raytrace.eye import eye_position
 
@@ -48,7 +48,7 @@ def main(rays: int) -> None:
                                                        raytrace.load_reflector(step))]
         for deflection in (0.1, 0.01, 0.001):
             stl = Path(folder) / "sphere.stl"
-            write_stl(stl, read_step_shape(step), deflection)
+            write_stl(stl, read_step(step).shape, deflection)
             mesh = raytrace.load_reflector(stl)
             count = len(mesh.mesh.faces) if mesh.mesh else 0
             rows.append((f"Embree, facets of an STL of {count} triangles", mesh))

@@ -10,7 +10,6 @@ from scipy.interpolate import make_interp_spline
 
 from mirror_cad.bspline import BSplineSurface, greville_abscissae
 from mirror_cad.errors import SurfaceError
-from mirror_cad.sections import Sag
 
 Array = NDArray[np.float64]
 PointSet = Callable[[Array, Array], Array]
@@ -26,9 +25,9 @@ def collocate(points: PointSet, knots_u: Array, knots_v: Array, degree: int) -> 
     return BSplineSurface(degree, degree, knots_u, knots_v, _poles(points, knots_u, knots_v, degree))
 
 
-def collocate_sag(sag: Sag, knots_x: Array, knots_y: Array, degree: int) -> BSplineSurface:
-    """`collocate` for (x, y, z(x, y)); x and y are reproduced exactly, so u = x and v = y."""
-    heights = _poles(lambda x, y: sag.height(x[:, None], y)[..., None], knots_x, knots_y, degree)
+def collocate_height(height: Callable[[Array, Array], Array], knots_x: Array, knots_y: Array, degree: int) -> BSplineSurface:
+    """`collocate` for (x, y, z(x, y)), z of a column x and a row y; x and y are reproduced exactly, so u = x and v = y."""
+    heights = _poles(lambda x, y: height(x[:, None], y)[..., None], knots_x, knots_y, degree)
     return graph(knots_x, knots_y, degree, heights[..., 0])
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mirror_cad.bspline import BSplineSurface
+from mirror_cad.designed import FLOOR, DesignedCurvature, percent_scale
 from mirror_cad.differential import (
     ShapeOperator,
     mean_curvature_and_difference,
@@ -22,36 +23,11 @@ from mirror_cad.differential import (
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline
-from mirror_cad.piecewise import PiecewiseChebyshev
 from mirror_cad.sections import DecoupledSag, Sag, SagDerivatives
 
 Array = NDArray[np.float64]
 
-# Where the designed value is smaller than this share of the RMS curvature, percent are of this share instead.
-FLOOR = 0.01
 ARCSEC = np.degrees(1.0) * 3600.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DesignedCurvature:
-    """The two designed curvatures 1/Rx(x) and 1/Ry(x), 1/mm."""
-
-    horizontal: PiecewiseChebyshev
-    vertical: PiecewiseChebyshev
-
-    def shape(self, x: ArrayLike) -> ShapeOperator:
-        """diag(1/Rx, 1/Ry) at x."""
-        kx = self.horizontal(x)
-        return ShapeOperator(kx, self.vertical(x), np.zeros_like(kx))
-
-    def rms(self, outline: Outline) -> float:
-        """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm."""
-        grid = Grid.over(outline)
-        return rms_norm(self.shape(grid.x), grid.weights)
-
-    def percent_of(self, x: Array, rms: float) -> Array:
-        """What counts as 100 % at x for k1 and k2, (n, 2): the designed pair, larger first, not below the floor."""
-        return _percent_scale(self.shape(x), rms)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,10 +121,10 @@ def against_design(curvature: DesignedCurvature, outline: Outline, decoupled: De
 def _explained(states: dict[str, Stage], rms: float, grid: Grid) -> dict[str, Any]:
     """How much of the total is the model's, how much is numerical, and what the stages' sum leaves of the total."""
     shapes = [state.shape for state in states.values()]
-    steps = [_minus(after, before) for before, after in itertools.pairwise(shapes)]
-    total = _minus(shapes[-1], shapes[0])
+    steps = [after.minus(before) for before, after in itertools.pairwise(shapes)]
+    total = shapes[-1].minus(shapes[0])
     left = max(float(np.abs(whole - sum(parts)).max()) for whole, *parts in zip(total, *steps, strict=True))
-    parts = {"model": steps[0], "numerical": _minus(shapes[-1], shapes[1]), "total": total}
+    parts = {"model": steps[0], "numerical": shapes[-1].minus(shapes[1]), "total": total}
     result: dict[str, Any] = {f"{name}_shape_rms_percent": None if rms == 0.0 else
                               100.0 * rms_norm(shape, grid.weights) / rms for name, shape in parts.items()}
     return result | {"unexplained_max_per_m": 1e3 * left}
@@ -170,10 +146,6 @@ def _chain(results: dict[str, dict[str, Any]], final: Stage, limit_percent: floa
             "eye": 1.0}
 
 
-def _minus(after: ShapeOperator, before: ShapeOperator) -> ShapeOperator:
-    return ShapeOperator(*(a - b for a, b in zip(after, before, strict=True)))
-
-
 def _of_sag(sag: Sag, grid: Grid) -> Stage:
     cells = sag.derivatives(grid.cells_x[:, None], grid.cells_y)
     edge = sag.derivatives(grid.x[grid.edge], grid.y[grid.edge])
@@ -188,11 +160,6 @@ def _of_surface(surface: BSplineSurface, grid: Grid) -> Stage:
     return Stage(shape_operator(d), d["s"][..., 2], normals(d["u"], d["v"]))
 
 
-def _percent_scale(designed: ShapeOperator, rms: float) -> Array:
-    pair = np.stack(principal_curvatures_of(designed), axis=-1)
-    return np.maximum(np.abs(pair), FLOOR * rms)
-
-
 def _differences(after: ShapeOperator, before: ShapeOperator) -> dict[str, Array]:
     a, b = principal_curvatures_of(after), principal_curvatures_of(before)
     return {"k1": a[0] - b[0], "k2": a[1] - b[1], "kx": after.w11 - before.w11, "ky": after.w22 - before.w22,
@@ -203,7 +170,7 @@ def _percent_fields(after: ShapeOperator, before: ShapeOperator, designed: Shape
                     rms: float) -> dict[str, Array] | None:
     if rms == 0.0:
         return None
-    pair = _percent_scale(designed, rms)
+    pair = percent_scale(designed, rms)
     floor = FLOOR * rms
     scale = {"k1": pair[..., 0], "k2": pair[..., 1], "kx": np.maximum(np.abs(designed.w11), floor),
              "ky": np.maximum(np.abs(designed.w22), floor), "twist": np.full_like(designed.w11, rms)}
@@ -222,7 +189,7 @@ def _deviation(after: Stage, before: Stage, designed: ShapeOperator, rms: float,
             np.sqrt(np.average(ranked**2, weights=grid.weights)))
         result[f"{key}_max_per_m"] = 1e3 * float(value[_place_of_largest(np.abs(value), grid)])
         result[f"{key}_max_at_mm"] = _place(grid, worst)
-    difference = _minus(after.shape, before.shape)
+    difference = after.shape.minus(before.shape)
     size = np.sqrt(difference.w11**2 + difference.w22**2 + 2.0 * difference.w12**2)
     worst = _place_of_largest(size, grid)
     average = rms_norm(difference, grid.weights)

@@ -27,6 +27,10 @@ class ShapeOperator(NamedTuple):
     w22: Array  # ky
     w12: Array  # twist
 
+    def minus(self, other: ShapeOperator) -> ShapeOperator:
+        """Component by component: both are in the same frame."""
+        return ShapeOperator(*(a - b for a, b in zip(self, other, strict=True)))
+
 
 def normals(s_u: Array, s_v: Array) -> Array:
     """Unit normals S_u × S_v/|S_u × S_v|, (…, 3); towards the driver when u runs right and v up.

@@ -12,10 +12,10 @@ from scipy.linalg import null_space
 from scipy.optimize import least_squares
 
 from mirror_cad.bspline import BSplineSurface, dense_basis
-from mirror_cad.collocation import collocate_sag, graph, knot_vector
-from mirror_cad.curvature import Break
-from mirror_cad.deviation import DesignedCurvature
-from mirror_cad.differential import ShapeOperator, rms_norm, shape_operator_of_sag
+from mirror_cad.collocation import collocate_height, graph, knot_vector
+from mirror_cad.designed import DesignedCurvature
+from mirror_cad.differential import rms_norm, shape_operator_of_sag
+from mirror_cad.errors import SurfaceError
 from mirror_cad.fit import span_ends
 from mirror_cad.grid import Grid
 from mirror_cad.outline import Outline
@@ -31,7 +31,7 @@ DEGREES, NEAR_PERCENT = (5, 7), 0.01
 LEVELS = ((4, 3), (6, 4), (8, 6), (12, 8))  # spans over the mirror's box, until more of them gain nothing
 # More spans gain nothing when the RMS falls by less than this in percentage points and by less than this share of it.
 GAIN_POINTS, GAIN_SHARE = 0.01, 0.1
-NOTHING_PERCENT = 5e-7  # an RMS below this is no deviation that any part or measurement could show
+NOTHING_PERCENT = 1e-6  # an RMS below this is no deviation that any part or measurement could show
 GAUSS = 4  # points a span and direction
 SUBCELLS = 5  # a direction, to see how much of a Gauss point's cell lies inside the outline
 # Share of the least squares that the surface around the mirror has: without one, poles that only live there run away; more
@@ -39,16 +39,23 @@ SUBCELLS = 5  # a direction, to see how much of a Gauss point's cell lies inside
 # it pulls at the mirror falls by this factor with each step.
 OUTSIDE = 1e-3
 LATER_STEPS = 2
+# The time grows with their third power: a minute or two for a mirror symmetric in y, of half as many unknowns.
+MOST_POLES = 2000
 MOST_EVALUATIONS = 20  # four to eight are the rule; a law that tears the surface (a jump of Ry) creeps on for little
 # Least squares ends when a step changes the sum or the poles by less than this share: far below GAIN_SHARE.
 CONVERGED = 1e-9
+
+
+# Derivatives of the rest more than of κ₁ and κ₂ that stay continuous at a break of theirs.
+REST_GAINED = (3, 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaithfulSag:
     """z(x, y) = z_p(x) + r(x, y): the exact horizontal profile and a B-spline over (x, y).
 
-    rest : r as a graph, u = x and v = y.
+    rest : r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ₂, and of κ₁, whose own
+    share is in the profile, the slope's effect alone. So it has no crease, whose curvature least squares could not see.
     """
 
     profile: Profile
@@ -92,20 +99,6 @@ class Faithful:
     settled: bool  # more spans gain nothing
 
 
-def rest_breaks(horizontal: Sequence[Break], vertical: Sequence[Break]) -> tuple[tuple[float, int], ...]:
-    """Continuous x-derivatives that the rest keeps at each break of the laws.
-
-    The closest surface has two more than what it is held to: κ₂, and of κ₁, whose own share is in the profile, the slope's
-    effect alone, which has one more. So there is never a crease, which has no curvature that least squares could see.
-    """
-    order: dict[float, int] = {}
-    for b in horizontal:
-        order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + 3)
-    for b in vertical:
-        order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + 2)
-    return tuple(sorted(order.items()))
-
-
 def closest_surface(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag, domain: Box,
                     breaks: Sequence[tuple[float, int]], degree: int | str = "auto",
                     spans: tuple[int, int] | str = "auto") -> Faithful:
@@ -113,7 +106,8 @@ def closest_surface(curvature: DesignedCurvature, outline: Outline, start: Decou
 
     W : the shape operator in the frame of `ShapeOperator`. Point and normal at the origin are those of `start`, the
     decoupled surface, from which the Levenberg–Marquardt iteration of MINPACK sets out with analytic derivatives.
-    domain : where the surface is wanted, mm.   spans : over the mirror's box, or "auto": raised until more gain nothing.
+    domain : where the surface is wanted, mm.   breaks : the derivatives of the rest that stay continuous at the laws' own.
+    spans : over the mirror's box, or "auto": raised until more gain nothing.
     Sources: do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3 for W; J. Moré, The
     Levenberg–Marquardt algorithm, Lecture Notes in Mathematics 630 (1978).
     """
@@ -137,13 +131,20 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
         began = time.perf_counter()
         ends = (_ends(domain[:2], box[:2], breaks, degree, nx), _ends(domain[2:], box[2:], (), degree, ny))
         knots = (knot_vector(ends[0], breaks, degree), knot_vector(ends[1], (), degree))
-        rest = collocate_sag(_Rest(start), *knots, degree)
-        problem = _Problem(curvature, outline, start.profile, rest, ends)
-        rest, evaluations = problem.solve() if rms > 0.0 else (rest, 0)
+        poles = (len(knots[0]) - degree - 1) * (len(knots[1]) - degree - 1)
+        if poles > MOST_POLES:
+            raise SurfaceError(f"surface.spans = [{nx}, {ny}] with method = \"faithful\" asks for {poles} unknowns, at most "
+                               f"{MOST_POLES} are solved for: fewer spans "
+                               f"(\"auto\" takes [{LEVELS[-1][0]}, {LEVELS[-1][1]}] at most)")
+        rest = collocate_height(start.rest, *knots, degree)
+        unknowns = evaluations = 0
+        if rms > 0.0:  # a plane has nothing to solve for
+            problem = _Problem(curvature, outline, start.profile, rest, ends)
+            unknowns = problem.unknowns
+            rest, evaluations = problem.solve()
         sag = FaithfulSag(start.profile, rest)
-        reached = shape_rms_percent(sag, curvature, outline, rms)
-        levels.append(Level((len(ends[0]) - 1, len(ends[1]) - 1), problem.unknowns, evaluations, reached,
-                            time.perf_counter() - began))
+        reached = _shape_rms_percent(sag, curvature, outline, rms)
+        levels.append(Level((len(ends[0]) - 1, len(ends[1]) - 1), unknowns, evaluations, reached, time.perf_counter() - began))
         if settled or reached is None or reached < enough_percent or (
                 len(levels) > 1 and _gained_nothing(levels[-2].shape_rms_percent, reached)):
             settled = True
@@ -151,17 +152,14 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
     return Faithful(sag, degree, ends, tuple(levels), settled)
 
 
-def shape_rms_percent(sag: FaithfulSag | DecoupledSag, curvature: DesignedCurvature, outline: Outline,
-                      rms: float) -> float | None:
-    """RMS ‖W − diag(1/Rx, 1/Ry)‖ over the trimmed mirror in percent of RMS ‖diag(1/Rx, 1/Ry)‖; None for a plane."""
+def _shape_rms_percent(sag: FaithfulSag, curvature: DesignedCurvature, outline: Outline, rms: float) -> float | None:
+    """The contract's shape_rms_percent of the exact height field; None for a plane."""
     if rms == 0.0:
         return None
     grid = Grid.over(outline)
     w = shape_operator_of_sag(sag.derivatives(grid.cells_x[:, None], grid.cells_y))
-    designed = curvature.shape(grid.cells_x[:, None])
-    inside = grid.inside.astype(np.float64)
-    difference = ShapeOperator(*(a - b for a, b in zip(w, designed, strict=True)))
-    return 100.0 * rms_norm(difference, inside) / rms
+    difference = w.minus(curvature.shape(grid.cells_x[:, None]))
+    return 100.0 * rms_norm(difference, grid.inside.astype(np.float64)) / rms
 
 
 def _gained_nothing(before: float | None, after: float) -> bool:
@@ -183,19 +181,6 @@ def _ends(domain: tuple[float, float], box: tuple[float, float], breaks: Sequenc
             ends.insert(0 if side == 0 else len(ends), edge if step == left else ends[side] + step)
             width *= 2.0
     return np.array(ends)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rest:
-    """What the decoupled surface has beside its profile: minus the sag of its vertical circles."""
-
-    whole: DecoupledSag
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return self.whole.height(x, y) - self.whole.profile.height(np.asarray(x, dtype=np.float64))
-
-    def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
-        raise NotImplementedError("only the heights are collocated")
 
 
 class _Problem:
@@ -242,8 +227,7 @@ class _Problem:
         self.inside = inside.ravel() > 0.0
         area = (weight_x[:, None] * weight_y).ravel() * np.maximum(inside.ravel(), OUTSIDE)
         size = float(np.sum(area * (self.target[0] ** 2 + self.target[1] ** 2)))
-        # A plane has nothing to solve for.
-        self.weight = np.sqrt(area / size if size > 0.0 else 0.0 * area) * np.array([1.0, 1.0, np.sqrt(2.0)])[:, None]
+        self.weight = np.sqrt(area / size) * np.array([1.0, 1.0, np.sqrt(2.0)])[:, None]
 
     @property
     def unknowns(self) -> int:

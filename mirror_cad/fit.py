@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.bspline import BSplineSurface, greville_abscissae
-from mirror_cad.collocation import collocate_sag, knot_vector
+from mirror_cad.collocation import collocate_height, knot_vector
 from mirror_cad.curvature import Break
 from mirror_cad.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.sections import Sag, SagDerivatives
@@ -28,6 +28,8 @@ MOST_SOFT_BREAKS = 64
 # Two breaks within this share of the width (0.003 mm on a mirror) are one: on a span between them the rounding of z, some
 # 50·ε·|z|/h², would be more than 0.01 % of the curvature.
 NEAREST_BREAKS = 1e-5
+# Derivatives of z more than of κ₁ and κ₂ that stay continuous at a break: the decoupled surface holds κ₂ itself.
+DECOUPLED_GAINED, FAITHFUL_GAINED = (2, 0), (2, 2)
 # Beyond the mirror the sheet may miss by ten times the tolerances: an error there reaches inside through the smooth knots.
 OUTSIDE_SHARE = 0.1
 MOST_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
@@ -90,14 +92,23 @@ class FitTask:
         return small[:: max(1, -(-len(small) // MOST_SMALL))]
 
 
-def sheet_breaks(horizontal: Sequence[Break], vertical: Sequence[Break]) -> tuple[tuple[float, int], ...]:
-    """Continuous x-derivatives of z at each break: two more than of κ₁, as many as of κ₂."""
+def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], gained: tuple[int, int],
+                     width_mm: float) -> tuple[tuple[float, int], ...]:
+    """Continuous x-derivatives of a surface at each break: `gained` more than of κ₁ and of κ₂, as (x, derivatives).
+
+    Breaks too near for a span between them, on a sheet of width_mm, are one: seen from afar that is two orders harder.
+    """
     order: dict[float, int] = {}
-    for b in horizontal:
-        order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + 2)
-    for b in vertical:
-        order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness)
-    return tuple(sorted(order.items()))
+    for breaks, more in zip((horizontal, vertical), gained, strict=True):
+        for b in breaks:
+            order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + more)
+    kept: list[tuple[float, int]] = []
+    for x, derivatives in sorted(order.items()):
+        if kept and x - kept[-1][0] <= NEAREST_BREAKS * width_mm:
+            kept[-1] = (kept[-1][0], max(min(kept[-1][1], derivatives) - 2, 0))
+        else:
+            kept.append((x, derivatives))
+    return tuple(kept)
 
 
 # --- the choice of degree and spans ----------------------------------------------------------------------------------
@@ -110,7 +121,6 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
     """
     start = time.perf_counter()
     first = DEGREE_FIRST if degree == "auto" else int(degree)
-    task = replace(task, breaks=_merged(task.breaks, NEAREST_BREAKS * (task.domain[1] - task.domain[0])))
     fit = _refine(task, first, spans)
     if degree == "auto" and spans == "auto" and (not fit.met or max(fit.spans) > MANY_SPANS):
         higher = _refine(task, DEGREE_THEN, spans)
@@ -121,41 +131,17 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
 
 def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degree: int, count: int) -> Array:
     """`count` spans between low and high, shared out over the stretches between breaks by their length."""
-    hard = [(x, order) for x, order in breaks if order < degree]
+    nearest = NEAREST_BREAKS * (high - low)
+    hard = [(x, order) for x, order in breaks if order < degree and low + nearest < x < high - nearest]
     if len(hard) > MOST_SOFT_BREAKS:
         hard = [(x, order) for x, order in hard if order < 4]
-    corners = [low, *_apart(hard, low, high), high]
+    corners = [low, *(x for x, _ in hard), high]
     lengths = np.diff(corners)
     shares = np.ones(len(lengths), dtype=int)
     while shares.sum() < count:
         shares[np.argmax(lengths / shares)] += 1
     parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(corners[:-1], corners[1:], shares, strict=True)]
     return np.concatenate([*parts, [high]])
-
-
-def _merged(breaks: Sequence[tuple[float, int]], nearest: float) -> tuple[tuple[float, int], ...]:
-    """Breaks with those that are too near for a span between them made one: seen from afar that is two orders harder."""
-    kept: list[tuple[float, int]] = []
-    for x, order in breaks:
-        if kept and x - kept[-1][0] <= nearest:
-            kept[-1] = (kept[-1][0], max(min(kept[-1][1], order) - 2, 0))
-        else:
-            kept.append((x, order))
-    return tuple(kept)
-
-
-def _apart(breaks: Sequence[tuple[float, int]], low: float, high: float) -> list[float]:
-    """The places of the breaks inside [low, high]; of some that are too near for a span between them, the hardest alone."""
-    nearest = NEAREST_BREAKS * (high - low)
-    kept: list[tuple[float, int]] = []
-    for x, order in breaks:
-        if not low + nearest < x < high - nearest:
-            continue
-        if kept and x - kept[-1][0] <= nearest:
-            kept[-1] = min(kept[-1], (x, order), key=lambda entry: entry[1])
-        else:
-            kept.append((x, order))
-    return [x for x, _ in kept]
 
 
 def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str) -> Fit:
@@ -208,7 +194,8 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
 
     At the sites of one direction the spline is exact in it, so what is missed there is the other direction's own error.
     """
-    surface = collocate_sag(task.sag, knot_vector(ends_x, task.breaks, degree), knot_vector(ends_y, (), degree), degree)
+    knots = knot_vector(ends_x, task.breaks, degree), knot_vector(ends_y, (), degree)
+    surface = collocate_height(task.sag.height, *knots, degree)
     x_min, x_max, y_min, y_max = task.judged
     inside_x, span_x = _inside(ends_x, x_min, x_max, DENSEST_X, task.places_of_small_curvature)
     inside_y, span_y = _inside(ends_y, y_min, y_max, DENSEST_Y)

@@ -9,18 +9,18 @@ from mirror_cad import curvature
 from mirror_cad.curvature import CurvatureLaw, Span
 from mirror_cad.errors import SpecError
 from mirror_cad.profile import circle_section_fov, integrate_exactly, section_fov, sine_of_tangent_angle
-from mirror_cad.spec import (
+from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_laws import (
     ConstantLaw,
     ExpressionLaw,
     HorizontalPower,
     HorizontalZones,
     LinearLaw,
-    MirrorSpec,
     PowerLaw,
-    Section,
     TableLaw,
     ZonesLaw,
 )
+from mirror_cad.spec_section import Section
 
 # The parameter is solved until the field of view is right to about 1e-10 degrees, far below any tolerance on it.
 MATCH_PRECISION = 1e-12

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from mirror_cad import fit as fitting
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.curvature import Span, eased_beyond
-from mirror_cad.deviation import CurvatureDeviation, DesignedCurvature, compare_stages
+from mirror_cad.designed import DesignedCurvature
+from mirror_cad.deviation import CurvatureDeviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
-from mirror_cad.faithful import Faithful, closest_surface, rest_breaks
+from mirror_cad.faithful import REST_GAINED, Faithful, closest_surface
 from mirror_cad.fit import Fit, FitTask
 from mirror_cad.laws import law_from, solve_match
 from mirror_cad.outline import Outline, truck_outline
@@ -31,6 +32,7 @@ from mirror_cad.profile import (
 )
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_laws import TableLaw
 
 if TYPE_CHECKING:
     from mirror_cad.mesh import SurfaceMesh
@@ -151,14 +153,13 @@ class Mirror:
         Without files given, they are written to a temporary folder and read back here.
         """
         if read_back is None or stl is None:
-            from mirror_cad.occt.step import OPTICAL_FACE, read_step_faces
+            from mirror_cad.occt.step import read_step
             from mirror_cad.occt.tessellate import read_stl
 
             with tempfile.TemporaryDirectory(prefix="mirror-cad-") as folder:
                 self.export_step(Path(folder) / "mirror.step")
                 self.export_stl(Path(folder) / "mirror.stl")
-                faces = read_step_faces(Path(folder) / "mirror.step")
-                read_back = next(face.surface for face in faces if face.name == OPTICAL_FACE)
+                read_back = read_step(Path(folder) / "mirror.step").optical_surface()
                 stl = read_stl(Path(folder) / "mirror.stl")
         return compare_stages(self.curvature, self.outline, self.exact, self.model, self.integrated, self.surface,
                               read_back, stl, self.spec.surface.position_tolerance_mm,
@@ -195,7 +196,7 @@ def design(spec: MirrorSpec) -> Mirror:
     check_profile(sine_of_tangent_angle(horizontal.series(min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
     vertical = eased_beyond(vertical, x_min, x_max, 1.0 / half_height)
-    wanted, notes = _wanted_domain(spec, box), []
+    wanted, notes = _wanted_domain(spec, box), _laws_beside(spec, box)
     check_circles(vertical.series(wanted[0], wanted[1]), x_min, x_max, half_height)
 
     kappa = horizontal.series(wanted[0], wanted[1])
@@ -221,14 +222,16 @@ def design(spec: MirrorSpec) -> Mirror:
     faithful: Faithful | None = None
     model: Sag = exact
     integrated: Sag = exact if profile is exact_profile else DecoupledSag(profile, kappa_2)
-    sheet, ends = fitting.sheet_breaks(*breaks), None
+    width, gained, ends = domain[1] - domain[0], fitting.DECOUPLED_GAINED, None
     if surface_spec.method == "faithful":
-        faithful = closest_surface(designed, outline, exact, domain, rest_breaks(*breaks), degree, spans)
+        rest = fitting.orders_at_breaks(*breaks, REST_GAINED, width)
+        faithful = closest_surface(designed, outline, exact, domain, rest, degree, spans)
         model = integrated = faithful.sag
-        sheet, ends, degree = fitting.sheet_breaks((*breaks[0], *breaks[1]), ()), faithful.ends, faithful.degree
+        gained, ends, degree = fitting.FAITHFUL_GAINED, faithful.ends, faithful.degree
     rms = designed.rms(outline)
-    task = FitTask(integrated, domain, box, sheet, lambda x: designed.percent_of(x, rms),
-                   surface_spec.position_tolerance_mm, surface_spec.curvature_tolerance_percent, ends)
+    task = FitTask(integrated, domain, box, fitting.orders_at_breaks(*breaks, gained, width),
+                   lambda x: designed.percent_of(x, rms), surface_spec.position_tolerance_mm,
+                   surface_spec.curvature_tolerance_percent, ends)
     if surface_spec.fit == "collocation":
         fit = fitting.fit_by_collocation(task, degree, spans)
     else:
@@ -267,6 +270,17 @@ def _level(spec: MirrorSpec, box: Box) -> float:
     if not -half_blank <= float(level) <= half_blank:
         raise SpecError(f"horizontal.level_at = {float(level):g} lies outside the blank, −{half_blank:g} to {half_blank:g} mm")
     return float(level)
+
+
+def _laws_beside(spec: MirrorSpec, box: Box) -> list[str]:
+    """A note for each law that says nothing of the mirror's own x: it is held at one value all over it."""
+    found = []
+    for name, section in (("horizontal", spec.horizontal), ("vertical", spec.vertical)):
+        span = (section.x_mm[0], section.x_mm[-1]) if isinstance(section, TableLaw) else getattr(section, "span_mm", None)
+        if span is not None and (span[1] <= box[0] or span[0] >= box[1]):
+            found.append(f"the {name} law runs from x = {span[0]:g} to {span[1]:g} mm, beside the mirror "
+                         f"({box[0]:g} to {box[1]:g} mm), and is held at its end value all over it: is its unit mm?")
+    return found
 
 
 def _wanted_domain(spec: MirrorSpec, box: Box) -> Box:

@@ -62,8 +62,13 @@ class DecoupledSag:
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """z at (x, y), mm, broadcast."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        result: Array = self.profile.height(x) + self.rest(x, y)
+        return result
+
+    def rest(self, x: Array, y: Array) -> Array:
+        """z − z_p: minus the circles' sag, mm, broadcast."""
         kappa = self.vertical(x)
-        result: Array = self.profile.height(x) - kappa * y**2 / (1.0 + _cosine(kappa, y))
+        result: Array = -kappa * y**2 / (1.0 + _cosine(kappa, y))
         return result
 
     def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:

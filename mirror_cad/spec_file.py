@@ -11,7 +11,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from mirror_cad.errors import SpecError
-from mirror_cad.spec import AnyHorizontal, AnyLaw, MirrorSpec
+from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_laws import AnyHorizontal, AnyLaw
 
 LARGEST_FILE = 10_000_000  # bytes: a specification is a page of text, a table of 100,000 rows a few megabytes
 

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.interpolate import NdBSpline
 
 from mirror_cad.bspline import BSplineSurface
-from mirror_cad.errors import WriteError
+from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.solid import is_valid, solids_of, volume
-from mirror_cad.occt.step import OPTICAL_FACE, read_step_faces, read_step_shape
+from mirror_cad.occt.step import OPTICAL_FACE, StepFile, read_step
 from mirror_cad.outline_files import read_outline
 from mirror_cad.part21 import read_named_surface
 
@@ -22,19 +22,20 @@ SAME_MM = 1e-9
 SAME_VOLUME = 1e-9
 
 
-def check_step(path: Path, mirror: Mirror) -> tuple[BSplineSurface, dict[str, float]]:
-    """The optical face as read back, and how far it and the Part 21 text are from what was designed, mm.
+def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
+    """The file as read back, and how far its optical face and the Part 21 text are from what was designed, mm.
 
     Raises: WriteError where the file holds no valid single solid, another volume, or another optical face.
     """
-    shape = read_step_shape(path)
+    read = read_step(path)
+    shape = read.shape
     solids = solids_of(shape)
     if len(solids) != 1 or not is_valid(shape):
         raise WriteError(f"{path.name}: reads back as {len(solids)} solids, {'valid' if is_valid(shape) else 'invalid'}")
     change = abs(volume(solids[0]) / mirror.plate.volume_mm3 - 1.0)
     if change > SAME_VOLUME:
         raise WriteError(f"{path.name}: the volume reads back {change:.2g} off (relative)")
-    surface = _named_face(path)
+    surface = _optical_surface(path, read)
     u, v = _places(mirror)
     meant = mirror.surface.evaluate(u, v)
     off = float(np.linalg.norm(surface.evaluate(u, v) - meant, axis=1).max())
@@ -45,12 +46,12 @@ def check_step(path: Path, mirror: Mirror) -> tuple[BSplineSurface, dict[str, fl
     for what, distance in (("the optical face", off), ("the Part 21 text", off_text)):
         if not distance <= SAME_MM:
             raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
-    return surface, {"step_max_mm": off, "part21_max_mm": off_text, "volume_relative": change}
+    return read, {"step_max_mm": off, "part21_max_mm": off_text, "volume_relative": change}
 
 
 def check_surface_step(path: Path, mirror: Mirror) -> dict[str, float]:
     """How far the untrimmed sheet is from the design over its whole box, mm. Raises: WriteError where it differs."""
-    surface = _named_face(path)
+    surface = _optical_surface(path, read_step(path))
     box = mirror.sheet_box()
     if not np.allclose(surface.domain, box, rtol=0, atol=SAME_MM):
         raise WriteError(f"{path.name}: the sheet reads back over {surface.domain}, not {box}")
@@ -80,11 +81,11 @@ def check_points(path: Path, points: Any) -> dict[str, float]:
     return {"points": float(len(read))}
 
 
-def _named_face(path: Path) -> BSplineSurface:
-    found = [face.surface for face in read_step_faces(path) if face.name == OPTICAL_FACE]
-    if len(found) != 1:
-        raise WriteError(f"{path.name}: reads back with {len(found)} faces named {OPTICAL_FACE!r}, not 1")
-    return found[0]
+def _optical_surface(path: Path, read: StepFile) -> BSplineSurface:
+    try:
+        return read.optical_surface()
+    except FileError as error:
+        raise WriteError(f"{path.name}: reads back different from what was written: {error}") from None
 
 
 def _places(mirror: Mirror) -> tuple[Any, Any]:

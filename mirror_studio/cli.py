@@ -25,7 +25,7 @@ app = App(
 Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; replaced as a whole.")]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the metrics as JSON to the standard output.")]
 
-Parts = Annotated[tuple[str, ...], Parameter(name="--part", consume_multiple=True, negative=(), show_default=False)]
+Parts = Annotated[list[str] | None, Parameter(name="--part", negative=())]
 
 
 @app.command
@@ -79,18 +79,18 @@ def trace(file: Path, /, *, scene: str | None = None, out: Out = None, json: Jso
 
 
 @app.command
-def bench(*, part: Parts = (), out: Out = None, json: Json = False) -> int:
+def bench(*, part: Parts = None, out: Out = None, json: Json = False) -> int:
     """Measure speed against error: tables, plots and a page (default: exports/bench).
 
     Parameters
     ----------
     part
-        The parts to measure, one or more names; all without it.
+        A part to measure; may be given several times. All without it.
     """
     from mirror_studio.bench.run import run_bench
     from mirror_studio.progress import Progress
 
-    return _finish(run_bench(part, out or Path("exports/bench"), Progress()), (), json)
+    return _finish(run_bench(part or (), out or Path("exports/bench"), Progress()), (), json)
 
 
 def _finish(metrics: dict[str, Any], missed: tuple[str, ...], as_json: bool) -> int:

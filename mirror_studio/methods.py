@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirror_cad.deviation import against_design
 from mirror_cad.faithful import Faithful
 from mirror_cad.grid import Grid
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec import MirrorSpec, SurfaceSpec
-from raytrace.image import landing_points
+from mirror_studio.setting import Setting
+from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
-from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane import lane_straightness
 from raytrace.reflector import Reflector
-from raytrace.trace import Status, reflect
 
-Array = NDArray[np.float64]
-
-METHODS = ("decoupled", "faithful")
-GRID = (121, 177)  # rays of the comparison: about one in four square millimetres of mirror
+Method = Literal["decoupled", "faithful"]
+METHODS: tuple[Method, ...] = ("decoupled", "faithful")
 CURVATURE_KEYS = tuple(f"{key}_{kind}_percent" for key in ("k1", "k2", "kx", "ky", "twist", "shape") for kind in ("max", "rms"))
 
 
-def with_method(spec: MirrorSpec, method: str) -> MirrorSpec:
+def with_method(spec: MirrorSpec, method: Method) -> MirrorSpec:
     """The same mirror by the other method, all numerics chosen automatically."""
     surface = spec.surface
-    chosen = SurfaceSpec(method=method, position_tolerance_mm=surface.position_tolerance_mm,  # type: ignore[arg-type]
+    chosen = SurfaceSpec(method=method, position_tolerance_mm=surface.position_tolerance_mm,
                          curvature_tolerance_percent=surface.curvature_tolerance_percent)
     return spec.model_copy(update={"surface": chosen})
 
 
-def compare_methods(mirror: Mirror, eye: Array, lane: StraightLane) -> dict[str, Any]:
+def compare_methods(mirror: Mirror) -> dict[str, Any]:
     """Both surfaces of one specification, designed and traced.
 
     Returns, for "decoupled" and "faithful": the deviation from the laws (percent, as in deviation.json's `total`), traced
@@ -42,6 +39,8 @@ def compare_methods(mirror: Mirror, eye: Array, lane: StraightLane) -> dict[str,
     with the point and normal at the origin held, and after the best fit of a rigid motion (mm), the normal's and the
     reflected ray's turn (arc minutes), and how far rays land from each other on the lane's plane (mm).
     """
+    setting = Setting.of(mirror.spec, mirror.box)
+    eye = setting.eye
     mirrors = {method: mirror if mirror.spec.surface.method == method else design(with_method(mirror.spec, method))
                for method in METHODS}
     result: dict[str, Any] = {}
@@ -50,9 +49,13 @@ def compare_methods(mirror: Mirror, eye: Array, lane: StraightLane) -> dict[str,
         h_fov, v_fov = traced_fields_of_view(one.surface, eye, one.box, one.left_height_mm)
         result[method] = {key: entry[key] for key in CURVATURE_KEYS} | {
             "h_fov_deg": math.degrees(h_fov), "v_fov_left_deg": math.degrees(v_fov),
-            "lane_straightness_percent": lane_straightness(one.surface, eye, lane, one.box)}
-    faithful = mirrors["faithful"]
-    result["change"] = _moved(mirrors["decoupled"], faithful) | _seen(mirrors["decoupled"], faithful, eye, lane.plane_z_mm)
+            "lane_straightness_percent": lane_straightness(one.surface, eye, setting.lane, one.box)}
+    decoupled, faithful = (mirrors[method] for method in METHODS)
+    seen = reflected_difference(Reflector.from_mirror(decoupled), Reflector.from_mirror(faithful), eye, setting.plane_z_mm,
+                                mirror.box)
+    result["change"] = _moved(decoupled, faithful) | {
+        "ray_max_arcmin": seen.turn_max_arcmin, "ray_rms_arcmin": seen.turn_rms_arcmin,
+        "on_plane_max_mm": seen.plane_max_mm, "on_plane_rms_mm": seen.plane_rms_mm}
     result["floor"] = floor_of(faithful.faithful)
     return result
 
@@ -81,19 +84,3 @@ def _moved(decoupled: Mirror, faithful: Mirror) -> dict[str, Any]:
             "sag_rms_mm": float(np.sqrt(np.average(moved**2, weights=grid.weights))),
             "sag_best_fit_max_mm": float(np.abs(left).max()),
             "slope_max_arcmin": float(np.degrees(turned.max()) * 60.0)}
-
-
-def _seen(decoupled: Mirror, faithful: Mirror, eye: Array, z_mm: float) -> dict[str, Any]:
-    x_min, x_max, y_min, y_max = decoupled.box
-    x, y = np.meshgrid(np.linspace(x_min, x_max, GRID[0]), np.linspace(y_min, y_max, GRID[1]))
-    directions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - eye
-    a, b = (reflect(Reflector.from_mirror(one), eye, directions) for one in (decoupled, faithful))
-    both = (a.status == Status.REFLECTED) & (b.status == Status.REFLECTED)
-    apart = np.linalg.norm(landing_points(a, z_mm)[both] - landing_points(b, z_mm)[both], axis=1)
-    apart = apart[np.isfinite(apart)]
-    if apart.size == 0:
-        return {"ray_max_arcmin": None, "ray_rms_arcmin": None, "on_plane_max_mm": None, "on_plane_rms_mm": None}
-    chord = np.linalg.norm(a.directions[both] - b.directions[both], axis=1)
-    turn = np.degrees(2.0 * np.arcsin(0.5 * np.minimum(chord, 2.0))) * 60.0
-    return {"ray_max_arcmin": float(turn.max()), "ray_rms_arcmin": float(np.sqrt(np.mean(turn**2))),
-            "on_plane_max_mm": float(apart.max()), "on_plane_rms_mm": float(np.sqrt(np.mean(apart**2)))}

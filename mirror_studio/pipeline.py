@@ -24,20 +24,19 @@ from mirror_studio import checks
 from mirror_studio.folder import MANIFEST, new_set
 from mirror_studio.methods import compare_methods, floor_of
 from mirror_studio.progress import Progress
+from mirror_studio.setting import Setting
 from raytrace.errors import TraceError
-from raytrace.eye import eye_position
-from raytrace.image import Frame, driver_view, landing_points
+from raytrace.image import Frame, driver_view
+from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
-from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.reflector import Reflector, load_reflector
-from raytrace.scene.reference import Picture, ReferencePlane, load_picture
+from raytrace.reflector import Reflector, load_reflector, reflector_of
+from raytrace.scene.reference import Picture, load_picture
 from raytrace.trace import Status, reflect
 
 Array = NDArray[np.float64]
 
-# Rays for the comparison of STL and STEP: about one a square millimetre of mirror.
-COMPARISON_GRID = (241, 353)
 SMALLEST_BOX_MM = 1e-3  # a reflector seen edge-on, or a closed face without edges, has no frame to be drawn in
 PACKAGES = ("mirror-cad", "cadquery-ocp", "build123d", "cadquery", "numpy", "scipy", "numba", "embreex", "vtk", "pyvista")
 
@@ -68,7 +67,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     mirror = design(spec)
     for note in mirror.notes:
         progress.step(f"{name}: note: {note}")
-    eye = eye_position(spec.eye.distance_mm, spec.eye.aligned, mirror.box)
+    setting = Setting.of(spec, mirror.box)
+    eye, lane = setting.eye, setting.lane
     step, stl = folder / f"{name}.step", folder / f"{name}.stl"
     progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
     points = mirror.grid_points()
@@ -77,7 +77,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     mirror.export_stl(stl)
     write_points(folder / f"{name}-points.csv", points)
     write_dxf(mirror.outline, folder / "outline.dxf")
-    read_back, files = checks.check_step(step, mirror)
+    step_file, files = checks.check_step(step, mirror)
+    read_back = step_file.optical_surface()
     files |= checks.check_surface_step(folder / f"{name}-surface.step", mirror)
     files |= checks.check_outline(folder / "outline.dxf", mirror)
     files |= checks.check_points(folder / f"{name}-points.csv", points)
@@ -85,23 +86,23 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     progress.step(f"{name}: curvature deviation")
     deviation = mirror.deviation(read_back, read_stl(stl))
     progress.step(f"{name}: tracing the driver's view")
-    scene = ReferencePlane(picture, float(eye[2]) + spec.scene.distance_mm, spec.scene.width_mm, spec.scene.centre_mm)
+    scene = setting.scene(picture, spec)
     frame = Frame.around(mirror.box, spec.view.width_px)
-    reflector = load_reflector(step)
+    reflector = reflector_of(step_file)
     view, rays = driver_view(reflector, eye, scene, frame, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
-    lane = StraightLane(spec.scene.lane.x0_mm, spec.scene.lane.y0_mm, spec.scene.lane.slope, scene.z_mm)
     section = mirror.section_fields_of_view()
     traced = traced_fields_of_view(read_back, eye, mirror.box, mirror.left_height_mm)
     progress.step(f"{name}: decoupled and faithful surface side by side")
-    methods = compare_methods(mirror, eye, lane)
+    methods = compare_methods(mirror)
+    facets = reflected_difference(load_reflector(stl), reflector, eye, scene.z_mm, mirror.box)
     metrics = {
         "h_fov_deg": {"section": math.degrees(section[0]), "traced": math.degrees(traced[0])},
         "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": math.degrees(traced[1])},
         "lane_straightness_percent": {
             "traced": lane_straightness(read_back, eye, lane, mirror.box),
             "image": lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)},
-        "stl_on_plane_mm": difference_on_plane(load_reflector(stl), reflector, eye, scene.z_mm, mirror.box),
+        "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
         "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
         "methods": methods,
         "rays": rays,
@@ -129,10 +130,10 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> d
     progress.step(f"{path.name}: reading")
     reflector = load_reflector(path)
     box = _front_box(reflector)
-    eye = eye_position(spec.eye.distance_mm, spec.eye.aligned, box)
-    scene = ReferencePlane(picture, float(eye[2]) + spec.scene.distance_mm, spec.scene.width_mm, spec.scene.centre_mm)
+    setting = Setting.of(spec, box)
+    eye, lane = setting.eye, setting.lane
+    scene = setting.scene(picture, spec)
     frame = Frame.around(box, spec.view.width_px)
-    lane = StraightLane(spec.scene.lane.x0_mm, spec.scene.lane.y0_mm, spec.scene.lane.slope, scene.z_mm)
     with new_set(out) as folder:
         progress.step(f"{path.name}: tracing the driver's view")
         view, rays = driver_view(reflector, eye, scene, frame, progress.share)
@@ -153,21 +154,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> d
     return metrics
 
 
-# --- measures that need two reflectors, or any ------------------------------------------------------------------------
-
-
-def difference_on_plane(a: Reflector, b: Reflector, eye: Array, z_mm: float, box: tuple[float, float, float, float],
-                        ) -> dict[str, Any]:
-    """How far apart the same rays land on the plane z = z_mm by two reflectors: largest and RMS, mm, and their count."""
-    x, y = np.meshgrid(np.linspace(box[0], box[1], COMPARISON_GRID[0]), np.linspace(box[2], box[3], COMPARISON_GRID[1]))
-    directions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - eye
-    traces = [reflect(reflector, eye, directions) for reflector in (a, b)]
-    both = (traces[0].status == Status.REFLECTED) & (traces[1].status == Status.REFLECTED)
-    apart = np.linalg.norm(landing_points(traces[0], z_mm)[both] - landing_points(traces[1], z_mm)[both], axis=1)
-    apart = apart[np.isfinite(apart)]
-    if apart.size == 0:
-        return {"max": None, "rms": None, "rays": 0}
-    return {"max": float(apart.max()), "rms": float(np.sqrt(np.mean(apart**2))), "rays": int(apart.size)}
+# --- what is taken from any reflector ------------------------------------------------------------------------
 
 
 def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float | None:

@@ -20,6 +20,7 @@ from raytrace.newton import PADDED_POWERS
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
+    from mirror_cad.occt.step import StepFile
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -208,20 +209,25 @@ def load_reflector(path: str | Path) -> Reflector:
         return Reflector(mesh=read_stl(path))
     if kind not in (".step", ".stp"):
         raise TraceError(f"{path}: a reflector is read from .step, .stp or .stl, not from {kind or 'a file without ending'!r}")
+    from mirror_cad.occt.step import read_step
+
+    return reflector_of(read_step(path))
+
+
+def reflector_of(file: StepFile) -> Reflector:
+    """`load_reflector` for a STEP file that has been read already."""
     from mirror_cad.occt.convert import face_loops, is_reversed
-    from mirror_cad.occt.step import read_step_faces
     from mirror_cad.occt.tessellate import face_mesh, triangulate
 
-    faces = read_step_faces(path)
-    named = any(face.name == OPTICAL_FACE for face in faces)
+    named = any(face.name == OPTICAL_FACE for face in file.faces)
     surfaces, obstacles = [], []
-    for face in faces:
+    for face in file.faces:
         if not named or face.name == OPTICAL_FACE:
             sign = -1.0 if is_reversed(face.face) else 1.0
             surfaces.append(TrimmedSurface(face.surface, face_loops(face.face), sign, one_sided=named))
         else:
-            triangulate(face.face, OBSTACLE_DEFLECTION_MM, straight=True)
-            obstacles.append(face_mesh(face.face))
+            triangulate(face.raw, OBSTACLE_DEFLECTION_MM, straight=True)
+            obstacles.append(face_mesh(face.raw))
     return Reflector(tuple(surfaces), obstacles=_joined(obstacles))
 
 

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+import mirror_cad
 from mirror_studio.cli import BAD_INPUT, run
+from tests.conftest import constant, spec_of
 
 VERTICAL = '[vertical]\nlaw = "constant"\nradius_mm = 1250.0\n'
 HORIZONTAL = '[horizontal]\nlaw = "constant"\nradius_mm = 1250.0\n'
@@ -106,6 +108,19 @@ def test_binary_and_missing_specifications(tmp_path: Path, capsys: pytest.Captur
 def test_unknown_command_and_option_name_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert "build" in refused(["biuld", "x"], capsys)
     assert "--out" in refused(["build", "progressive-c", "--ouy", "x"], capsys)
+
+
+def test_a_part_of_the_benchmark_needs_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "--part"]) == BAD_INPUT
+    assert "--part" in capsys.readouterr().err
+
+
+def test_a_law_beside_the_mirror_is_noted() -> None:
+    table = {"law": "table", "x_mm": [1.0, 2.0], "radius_mm": [900.0, 800.0]}
+    metres = mirror_cad.design(spec_of(table | {"x_mm": [200.0, 300.0]}, constant(900.0)))
+    assert any("beside the mirror" in note for note in metres.notes)
+    inside = mirror_cad.design(spec_of(table, constant(900.0)))
+    assert not any("beside the mirror" in note for note in inside.notes)
 
 
 def test_picture_of_forty_thousand_by_forty_thousand_is_refused_before_decoding(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mirror_cad import curvature
-from mirror_cad.collocation import collocate_sag, knot_vector
+from mirror_cad.collocation import collocate_height, knot_vector
 from mirror_cad.curvature import Span
 from mirror_cad.differential import principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.occt import peers
@@ -115,7 +115,7 @@ def test_collocation_is_of_order_degree_plus_one_and_minus_one(smooth: Case, deg
     spans = (32, 48, 64)
     for n in spans:
         knots = [knot_vector(np.linspace(-half, half, m + 1), (), degree) for half, m in ((115.0, n), (150.0, n // 2))]
-        d = collocate_sag(sag, *knots, degree).on_grid(x, y)
+        d = collocate_height(sag.height, *knots, degree).on_grid(x, y)
         heights.append(np.abs(d["s"][..., 2] - exact.z).max())
         got = principal_curvatures_of(shape_operator(d))
         bends.append(max(np.abs(a / b - 1.0).max() for a, b in zip(got, wanted, strict=True)))

@@ -21,7 +21,7 @@ import pytest
 import mirror_cad
 from mirror_cad.differential import principal_curvatures_of, shape_operator
 from mirror_cad.occt.solid import faces_of
-from mirror_cad.occt.step import OPTICAL_FACE, read_step_faces
+from mirror_cad.occt.step import OPTICAL_FACE, read_step
 from mirror_studio.folder import MANIFEST, heal, new_set
 from tests.conftest import constant, designed, spec_of
 
@@ -97,7 +97,7 @@ def test_step_is_ap242_in_mm_with_a_named_and_coloured_face(built: Path) -> None
     assert text.count("MANIFOLD_SOLID_BREP") == 1
     for surface in ("PLANE(", "CYLINDRICAL_SURFACE", "OFFSET_SURFACE", "SURFACE_OF"):
         assert surface not in text  # back and rim are plain B-splines
-    sheet = read_step_faces(built / "small-surface.step")
+    sheet = read_step(built / "small-surface.step").faces
     assert [face.name for face in sheet] == [OPTICAL_FACE]
     assert sheet[0].surface.domain == pytest.approx((-45, 45, -45, 45), abs=1e-9)
     assert "'trim curve'" in (built / "small-surface.step").read_text()

@@ -14,7 +14,9 @@ from pathlib import Path
 import pytest
 
 from mirror_cad.errors import ProfileError, SpecError
-from mirror_studio.bench.hard_cases import (
+from mirror_studio.bench.hard.case import Case, Figure, Refusal
+from mirror_studio.bench.hard.cases import case_named, cases
+from mirror_studio.bench.hard.runner import (
     CAUSE_NOT_NAMED,
     CRASHED,
     GOOD,
@@ -26,16 +28,11 @@ from mirror_studio.bench.hard_cases import (
     REFUSED,
     WITHIN,
     WRONGLY_REFUSED,
-    Case,
-    Figure,
-    Refusal,
     Work,
-    case_named,
-    cases,
     judge,
     run_cases,
-    table_of,
 )
+from mirror_studio.bench.hard_cases import table_of
 
 # Of the cases that are built, those of every run; the others are `long`. Refusals take no time and are all of every run.
 EVERY_RUN = {
@@ -159,5 +156,5 @@ def test_a_case_that_crashes_or_hangs_becomes_a_row() -> None:
     rows = run_cases(names, Work(broken, nothing, limit_s=0.25))
     assert [row["case"] for row in rows] == names
     assert [row["verdict"] for row in rows] == [WITHIN, CRASHED, HANGS, HANGS, WITHIN]
-    assert rows[1]["remark"].startswith("SIGSEGV, in mirror_studio/bench/hard_cases.py:")
+    assert rows[1]["remark"].startswith("SIGSEGV, in mirror_studio/bench/hard/runner.py:")
     assert rows[2]["remark"].startswith("over 0.25 s, in ")

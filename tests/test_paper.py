@@ -10,9 +10,9 @@ import pytest
 import mirror_cad
 import raytrace
 from mirror_studio.paper import PAPER, table_1
-from mirror_studio.pipeline import difference_on_plane
 from raytrace.eye import eye_position
 from raytrace.image import BACKGROUND, Frame, driver_view, landing_points, rays_through
+from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.scene.reference import ReferencePlane, load_picture
@@ -99,11 +99,11 @@ def test_facets_of_the_stl_miss_by_many_millimetres_on_the_plane(tmp_path: Path)
     mirror = designed("progressive-c")
     mirror.export_stl(tmp_path / "c.stl")
     eye, scene = setting(mirror, np.zeros((2, 2, 3), dtype=np.uint8))
-    apart = difference_on_plane(raytrace.load_reflector(tmp_path / "c.stl"), raytrace.Reflector.from_mirror(mirror), eye,
-                                scene.z_mm, mirror.box)
+    apart = reflected_difference(raytrace.load_reflector(tmp_path / "c.stl"), raytrace.Reflector.from_mirror(mirror), eye,
+                                 scene.z_mm, mirror.box)
     # Normals 0.1 to 0.3 degrees off turn rays by twice that, over 9 m: tens of millimetres.
-    assert 20.0 < apart["max"] < 400.0
-    assert 5.0 < apart["rms"] < apart["max"]
+    assert 20.0 < apart.plane_max_mm < 400.0
+    assert 5.0 < apart.plane_rms_mm < apart.plane_max_mm
 
 
 def test_table_1_takes_section_fields_of_view_and_the_traced_lane() -> None:

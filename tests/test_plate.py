@@ -27,7 +27,7 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.plate_mesh import MOST_FACETS, plate_mesh
 from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, faces_of, is_valid, offset_surface, plate, solids_of
-from mirror_cad.occt.step import read_step_shape
+from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.occt.triangulation import doubled_area, triangles_within
 from mirror_cad.outline import Arc, Line, Outline, closed_outline
@@ -240,7 +240,7 @@ def test_kernel_fits_get_plate_step_and_stl(route: str, tmp_path: Path) -> None:
     assert mirror.plate.back_error_mm <= 1e-4
     mirror.export_step(tmp_path / "a.step")
     mirror.export_stl(tmp_path / "a.stl")
-    shape = read_step_shape(tmp_path / "a.step")
+    shape = read_step(tmp_path / "a.step").shape
     assert len(solids_of(shape)) == 1
     assert is_valid(shape)
     assert stl_deviation(read_stl(tmp_path / "a.stl"), mirror.surface, mirror.outline)["height_max_mm"] <= 0.01

@@ -18,7 +18,7 @@ from mirror_cad.deviation import against_design
 from mirror_cad.differential import principal_curvatures, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.errors import ProfileError
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.step import OPTICAL_FACE, read_step_faces
+from mirror_cad.occt.step import read_step
 from tests.conftest import constant, designed, spec_of
 
 # Radii down to half again the mirror's half-height, of either sign, to nearly flat.
@@ -169,7 +169,7 @@ def survives_step(horizontal: dict[str, Any], vertical: dict[str, Any]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "any.step"
         mirror.export_step(path)
-        read = next(face.surface for face in read_step_faces(path) if face.name == OPTICAL_FACE)
+        read = read_step(path).optical_surface()
     x, y = np.meshgrid(np.linspace(-114.0, 114.0, 21), np.linspace(-130.0, 130.0, 21))
     assert np.abs(read.evaluate(x, y) - mirror.surface.evaluate(x, y)).max() < 1e-9
     scale = mirror.curvature.percent_of(x.ravel(), mirror.curvature.rms(mirror.outline)).reshape(*x.shape, 2)

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 import mirror_cad
 import raytrace
+from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
 from raytrace.embree import TriangleScene
 from raytrace.eye import eye_position
+from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.trace import Status
@@ -85,12 +87,12 @@ def test_kernel_intersects_at_the_same_points(tmp_path: Path) -> None:
     from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
     from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 
-    from mirror_cad.occt.step import read_step_shape
+    from mirror_cad.occt.step import read_step
 
     path = tmp_path / "a.step"
     designed("progressive-a").export_step(path)
     finder = IntCurvesFace_ShapeIntersector()
-    finder.Load(read_step_shape(path), 1e-7)
+    finder.Load(read_step(path).shape, 1e-7)
     rng = np.random.default_rng(5)
     targets = np.stack([rng.uniform(-110, 110, 200), rng.uniform(-120, 120, 200), np.zeros(200)], axis=1)
     trace = raytrace.reflect(raytrace.load_reflector(path), EYE, targets - EYE)
@@ -248,3 +250,18 @@ def test_every_paper_mirror_reflects_all_rays_inside_its_outline(name: str) -> N
     inside = mirror.outline.contains(*np.nan_to_num(trace.points[:, :2], nan=1e6).T)
     assert set(trace.counts()) == {"reflected", "missed"}
     assert (inside == (trace.status == Status.REFLECTED)).all()
+
+
+def test_a_mirror_that_turns_turns_the_ray_twice_as_far() -> None:
+    def tilted(angle: float) -> raytrace.Reflector:
+        corners = np.array([[-200.0, -200, 0], [200, -200, 0], [200, 200, 0], [-200, 200, 0]])
+        corners[:, 2] = np.tan(angle) * corners[:, 0]
+        return raytrace.Reflector(mesh=SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
+
+    angle = np.radians(0.25)
+    eye = np.array([0.0, 100.0, 762.0])
+    apart = reflected_difference(tilted(0.0), tilted(angle), eye, float(eye[2]) + 8200.0, BOX)
+    # Rays in the plane that the mirror turns in turn by 2α, others by a little less (the ray's height over that plane's).
+    assert apart.turn_max_arcmin == pytest.approx(2.0 * 15.0, abs=1e-3)
+    assert apart.turn_rms_arcmin is not None
+    assert 29.0 < apart.turn_rms_arcmin <= apart.turn_max_arcmin

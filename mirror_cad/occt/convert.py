@@ -72,8 +72,8 @@ def from_geom_surface(geom: Geom_BSplineSurface) -> BSplineSurface:
 def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
     """The surface under a face in world coordinates, as a B-spline, and the face that lies on exactly that surface.
 
-    Planes, cylinders, spheres and the like become rational B-splines that are the same surface. Where the face is
-    reversed the record is turned, so that S_u × S_v points out of the material.
+    Planes, cylinders, spheres and the like become rational B-splines that are the same surface. Where the face
+    `is_reversed`, S_u × S_v points into the material.
     Raises: SurfaceError where the kernel cannot convert the surface.
     """
     converter = BRepBuilderAPI_NurbsConvert(face, True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
@@ -48,12 +49,39 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class StepFace:
-    """A face read from a STEP file, in mm and in the file's own coordinates: its name ("" without one), the surface
-    under it as a B-spline, and the face itself, lying on exactly that surface."""
+    """A face read from a STEP file, in mm and placed as the file places it: its name ("" without one), and as it came."""
 
     name: str
-    surface: BSplineSurface
-    face: TopoDS_Face
+    raw: TopoDS_Face
+
+    @cached_property
+    def _converted(self) -> tuple[BSplineSurface, TopoDS_Face]:
+        return face_as_bspline(self.raw)
+
+    @property
+    def surface(self) -> BSplineSurface:
+        """The surface under it as a B-spline. Raises: SurfaceError where no B-spline can take it."""
+        return self._converted[0]
+
+    @property
+    def face(self) -> TopoDS_Face:
+        """The face lying on exactly that B-spline."""
+        return self._converted[1]
+
+
+@dataclass(frozen=True, eq=False)
+class StepFile:
+    """What a STEP file holds: everything as one shape, for checks of solids, and its faces."""
+
+    shape: TopoDS_Shape
+    faces: tuple[StepFace, ...]
+
+    def optical_surface(self) -> BSplineSurface:
+        """The surface of the one face that is named OPTICAL_FACE. Raises: FileError where there are none or several."""
+        found = [face.surface for face in self.faces if face.name == OPTICAL_FACE]
+        if len(found) != 1:
+            raise FileError(f"the file has {len(found)} faces named {OPTICAL_FACE!r}, not 1")
+        return found[0]
 
 
 def write_step(path: Path, parts: list[Part], title: str) -> None:
@@ -92,31 +120,8 @@ def write_step(path: Path, parts: list[Part], title: str) -> None:
         raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
 
-def read_step_faces(path: Path) -> list[StepFace]:
-    """Every face of a STEP file, placed as the file's assemblies place it.
-
-    Raises: FileError for a file that is no STEP or holds no face; SurfaceError for a surface no B-spline can take.
-    """
-    reader = _read(path)
-    shape = reader.OneShape()
-    found = []
-    for face in faces_of(shape) if shape is not None and not shape.IsNull() else ():
-        surface, converted = face_as_bspline(face)
-        found.append(StepFace(_face_name(reader, face), surface, converted))
-    if not found:
-        raise FileError(f"{path}: the file holds no face (curves and points alone are no mirror)")
-    return found
-
-
-def read_step_shape(path: Path) -> TopoDS_Shape:
-    """Everything in a STEP file as one shape, for checks of solids.
-
-    Raises: FileError for a file that is no STEP.
-    """
-    return _read(path).OneShape()
-
-
-def _read(path: Path) -> STEPControl_Reader:
+def read_step(path: Path) -> StepFile:
+    """Read a STEP file. Raises: FileError for a file that is no STEP or holds no face."""
     _silence()
     if not path.is_file():
         raise FileError(f"{path}: no such file")
@@ -125,7 +130,11 @@ def _read(path: Path) -> STEPControl_Reader:
     if reader.ReadFile(str(path)) != IFSelect_RetDone:
         raise FileError(f"{path}: not a STEP file that the kernel can read")
     reader.TransferRoots()
-    return reader
+    shape = reader.OneShape()
+    raw = faces_of(shape) if shape is not None and not shape.IsNull() else []
+    if not raw:
+        raise FileError(f"{path}: the file holds no face (curves and points alone are no mirror)")
+    return StepFile(shape, tuple(StepFace(_face_name(reader, face), face) for face in raw))
 
 
 def _face_name(reader: STEPControl_Reader, face: TopoDS_Face) -> str:

@@ -14,8 +14,6 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec, validate_spec
 from mirror_studio.bench.table import Column, Plot, Table
 from mirror_studio.methods import compare_methods, with_method
-from raytrace.eye import eye_position
-from raytrace.measures.lane import StraightLane
 
 # Mirror, degree, spans over its box. The finest are a mirror's own measure of where its deviation stops falling.
 COARSE, FINE = ((4, 3), (6, 4), (8, 6), (12, 8)), ((18, 12),)
@@ -80,10 +78,7 @@ def _levels(name: str, spec: MirrorSpec, degree: int, all_spans: tuple[tuple[int
 
 def _side_by_side(name: str, spec: MirrorSpec) -> Iterator[dict[str, Any]]:
     mirror = design(spec)
-    eye = eye_position(spec.eye.distance_mm, spec.eye.aligned, mirror.box)
-    given = spec.scene.lane
-    lane = StraightLane(given.x0_mm, given.y0_mm, given.slope, float(eye[2]) + spec.scene.distance_mm)
-    both = compare_methods(mirror, eye, lane)
+    both = compare_methods(mirror)
     for method in ("decoupled", "faithful"):
         change = both["change"] if method == "faithful" else {}
         yield {"mirror": name, "method": method, **both[method],

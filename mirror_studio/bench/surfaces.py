@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.bspline import BSplineSurface
-from mirror_cad.collocation import collocate_sag
+from mirror_cad.collocation import collocate_height
 from mirror_cad.differential import ShapeOperator, shape_operator, shape_operator_of_sag
 from mirror_cad.fit import curvature_percent
 from mirror_cad.grid import Grid
@@ -129,7 +129,7 @@ def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[dict[str, Any]]:
             knots = fit.surface.knots_u, fit.surface.knots_v
             yield {"route": f"collocation, degree {degree}", "setting": f"{fit.spans[0]} × {fit.spans[1]} spans",
                    "degree": degree,
-                   "time_ms": 1e3 * median_seconds(partial(collocate_sag, judge.mirror.exact, *knots, degree)),
+                   "time_ms": 1e3 * median_seconds(partial(collocate_height, judge.mirror.exact.height, *knots, degree)),
                    **judge.errors(fit.surface)}
 
 

@@ -17,7 +17,8 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import FLOOR, CurvatureDeviation
+from mirror_cad.designed import FLOOR
+from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.differential import principal_curvatures_of
 from mirror_cad.grid import Grid
 from mirror_cad.outline import Outline

@@ -1,0 +1,46 @@
+"""The two curvature laws as series in, the shape operator that is asked for and what counts as 100 % of it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.differential import ShapeOperator, principal_curvatures_of, rms_norm
+from mirror_cad.grid import Grid
+from mirror_cad.outline import Outline
+from mirror_cad.piecewise import PiecewiseChebyshev
+
+Array = NDArray[np.float64]
+
+# Where the designed value is smaller than this share of the RMS curvature, percent are of this share instead.
+FLOOR = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignedCurvature:
+    """The two designed curvatures 1/Rx(x) and 1/Ry(x), 1/mm."""
+
+    horizontal: PiecewiseChebyshev
+    vertical: PiecewiseChebyshev
+
+    def shape(self, x: ArrayLike) -> ShapeOperator:
+        """diag(1/Rx, 1/Ry) at x."""
+        kx = self.horizontal(x)
+        return ShapeOperator(kx, self.vertical(x), np.zeros_like(kx))
+
+    def rms(self, outline: Outline) -> float:
+        """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm."""
+        grid = Grid.over(outline)
+        return rms_norm(self.shape(grid.x), grid.weights)
+
+    def percent_of(self, x: Array, rms: float) -> Array:
+        """What counts as 100 % at x for k1 and k2, (n, 2): the designed pair, larger first, not below the floor."""
+        return percent_scale(self.shape(x), rms)
+
+
+def percent_scale(designed: ShapeOperator, rms: float) -> Array:
+    """The designed pair in size, larger curvature first, (…, 2), nowhere below FLOOR of the RMS, 1/mm."""
+    pair = np.stack(principal_curvatures_of(designed), axis=-1)
+    return np.maximum(np.abs(pair), FLOOR * rms)

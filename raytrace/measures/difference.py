@@ -1,0 +1,53 @@
+"""Two reflectors and an eye in, how far apart they send the same rays out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.image import landing_points
+from raytrace.reflector import Reflector
+from raytrace.trace import Status, reflect
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+
+GRID = (241, 353)  # rays: about one a square millimetre of mirror
+ARCMIN = np.degrees(1.0) * 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class ReflectedDifference:
+    """Over the rays that both reflect: their count, the angle between the two reflected rays (arc minutes), and the distance
+    between the places where they land on a plane (mm). Largest and RMS; None without a ray that both reflect there."""
+
+    rays: int
+    turn_max_arcmin: float | None = None
+    turn_rms_arcmin: float | None = None
+    plane_max_mm: float | None = None
+    plane_rms_mm: float | None = None
+
+
+def reflected_difference(a: Reflector, b: Reflector, eye: Array, z_mm: float, box: Box) -> ReflectedDifference:
+    """What reflectors a and b do to the same rays, from the eye through a grid over the box in the plane z = 0.
+
+    z_mm : of the plane z = z_mm that the rays land on.   box : (x_min, x_max, y_min, y_max), mm.
+    """
+    x, y = np.meshgrid(np.linspace(box[0], box[1], GRID[0]), np.linspace(box[2], box[3], GRID[1]))
+    directions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - eye
+    traces = [reflect(reflector, eye, directions) for reflector in (a, b)]
+    both = (traces[0].status == Status.REFLECTED) & (traces[1].status == Status.REFLECTED)
+    apart = np.linalg.norm(np.subtract(*(landing_points(trace, z_mm)[both] for trace in traces)), axis=1)
+    lands = np.isfinite(apart)
+    if not lands.any():
+        return ReflectedDifference(0)
+    # 2·asin(|a − b|/2) keeps the digits of small angles.
+    chord = np.linalg.norm(traces[0].directions[both][lands] - traces[1].directions[both][lands], axis=1)
+    turn = 2.0 * np.arcsin(0.5 * np.minimum(chord, 2.0)) * ARCMIN
+    return ReflectedDifference(int(lands.sum()), float(turn.max()), _rms(turn), float(apart[lands].max()), _rms(apart[lands]))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
