@@ -20,6 +20,7 @@ from mirror_cad.errors import OutlineError, SpecError, WriteError
 from mirror_cad.faithful import REST_GAINED, Faithful, closest_surface
 from mirror_cad.fit import Fit, FitTask
 from mirror_cad.laws import law_from, solve_match
+from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline, truck_outline
 from mirror_cad.profile import (
     check_profile,
@@ -35,7 +36,6 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_laws import TableLaw
 
 if TYPE_CHECKING:
-    from mirror_cad.mesh import SurfaceMesh
     from mirror_cad.occt.solid import Plate
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ class Mirror:
         """The solid with its optical face, area and volume. Raises: SolidError."""
         from mirror_cad.occt.solid import plate
 
-        return plate(self.surface, self.outline, self.spec.glass.thickness_mm)
+        return plate(self.surface, self.outline, self.spec.glass.thickness_mm, self.spec.glass.reflecting)
 
     @property
     def left_height_mm(self) -> float:
@@ -90,20 +90,23 @@ class Mirror:
                 circle_section_fov(kappa, 0.5 * self.left_height_mm, distance))
 
     def export_step(self, path: str | Path) -> None:
-        """Write the plate as AP242 STEP, the optical face named and coloured. Raises: WriteError, SolidError."""
-        from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
+        """Write the plate as AP242 STEP, the optical face named and coloured; of glass that reflects from its back the
+        front face is named too. Raises: WriteError, SolidError."""
+        from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
 
-        name = self.spec.name
-        write_step(Path(path), [Part(self.plate.solid, name, GLASS_COLOUR, self.plate.optical)], name)
+        name, faces = self.spec.name, {OPTICAL_FACE: self.plate.optical}
+        if self.spec.glass.reflecting == "back":
+            faces[FRONT_FACE] = self.plate.front_face
+        write_step(Path(path), [Part(self.plate.solid, name, GLASS_COLOUR, faces)], name)
 
     def export_surface_step(self, path: str | Path) -> None:
         """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire."""
         from mirror_cad.occt.solid import outer_wire, sheet
-        from mirror_cad.occt.step import OPTICAL_COLOUR, TRIM_CURVE, Part, write_step
+        from mirror_cad.occt.step import OPTICAL_COLOUR, OPTICAL_FACE, TRIM_CURVE, Part, write_step
 
         name = f"{self.spec.name}-surface"
         shell, face = sheet(self.surface, self.sheet_box())
-        parts = [Part(shell, name, OPTICAL_COLOUR, face),
+        parts = [Part(shell, name, OPTICAL_COLOUR, {OPTICAL_FACE: face}),
                  Part(outer_wire(self.plate.optical), TRIM_CURVE)]
         write_step(Path(path), parts, name)
 
@@ -119,12 +122,12 @@ class Mirror:
         wanted = self.spec.export.stl_deflection_mm if deflection_mm is None else deflection_mm
         if not 0.0 < wanted < np.inf:
             raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: it must be finite and above 0")
-        rounding = STL_ROUNDING * float(np.abs(self.plate.back.poles).max())
+        rounding = STL_ROUNDING * float(np.abs(self.plate.offset.poles).max())
         if wanted < 2.0 * rounding:
             raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: STL rounds the corners of this plate to "
                              f"{rounding:.1g} mm; ask for {2.0 * rounding:.1g} mm or more")
         try:
-            mesh = plate_mesh(self.surface, self.plate.back, self.outline, wanted - rounding)
+            mesh = plate_mesh(self.plate.front, self.plate.back, self.outline, wanted - rounding)
         except WriteError as error:
             raise WriteError(f"{path}: {error}") from None
         write_mesh(Path(path), mesh)
@@ -161,6 +164,9 @@ class Mirror:
                 self.export_stl(Path(folder) / "mirror.stl")
                 read_back = read_step(Path(folder) / "mirror.step").optical_surface()
                 stl = read_stl(Path(folder) / "mirror.stl")
+        if self.spec.glass.reflecting == "back":
+            # Seen from the glass, where light meets the optical face.
+            stl = SurfaceMesh(stl.vertices, stl.faces[:, ::-1].copy())
         return compare_stages(self.curvature, self.outline, self.exact, self.model, self.integrated, self.surface,
                               read_back, stl, self.spec.surface.position_tolerance_mm,
                               self.spec.surface.curvature_tolerance_percent,

@@ -35,7 +35,11 @@ class OutlineSpec(Section):
 
 
 class Glass(Section):
+    """The plate: which of its two faces reflects, and so is the designed one; `index` is the glass's at the d line."""
+
     thickness_mm: Annotated[Number, Field(gt=0, le=1000)] = 3.0
+    reflecting: Literal["front", "back"] = "front"
+    index: Annotated[Number, Field(ge=1, le=3)] = 1.52
 
 
 class SurfaceSpec(Section):

@@ -12,7 +12,7 @@ from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.solid import is_valid, solids_of, volume
-from mirror_cad.occt.step import OPTICAL_FACE, StepFile, read_step
+from mirror_cad.occt.step import FRONT_FACE, OPTICAL_FACE, StepFile, read_step
 from mirror_cad.outline_files import read_outline
 from mirror_cad.part21 import read_named_surface
 
@@ -23,9 +23,10 @@ SAME_VOLUME = 1e-9
 
 
 def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
-    """The file as read back, and how far its optical face and the Part 21 text are from what was designed, mm.
+    """The file as read back, and how far its named faces and the Part 21 text are from what was designed, mm.
 
-    Raises: WriteError where the file holds no valid single solid, another volume, or another optical face.
+    Named are the optical face and, of glass that reflects from its back, the front face.
+    Raises: WriteError where the file holds no valid single solid, another volume, or another named face.
     """
     read = read_step(path)
     shape = read.shape
@@ -35,23 +36,27 @@ def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
     change = abs(volume(solids[0]) / mirror.plate.volume_mm3 - 1.0)
     if change > SAME_VOLUME:
         raise WriteError(f"{path.name}: the volume reads back {change:.2g} off (relative)")
-    surface = _optical_surface(path, read)
+    designed = {OPTICAL_FACE: mirror.surface}
+    if mirror.spec.glass.reflecting == "back":
+        designed[FRONT_FACE] = mirror.plate.front
     u, v = _places(mirror)
-    meant = mirror.surface.evaluate(u, v)
-    off = float(np.linalg.norm(surface.evaluate(u, v) - meant, axis=1).max())
-    # Without the kernel: degree, knots and poles from the text, evaluated by scipy.
-    text = read_named_surface(path, OPTICAL_FACE)
-    spline = NdBSpline((text.knots_u, text.knots_v), text.poles, (text.degree_u, text.degree_v))
-    off_text = float(np.linalg.norm(spline(np.stack([u, v], axis=1)) - meant, axis=1).max())
-    for what, distance in (("the optical face", off), ("the Part 21 text", off_text)):
-        if not distance <= SAME_MM:
-            raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
+    off = off_text = 0.0
+    for name, surface in designed.items():
+        meant = surface.evaluate(u, v)
+        off = max(off, float(np.linalg.norm(_named_surface(path, read, name).evaluate(u, v) - meant, axis=1).max()))
+        # Without the kernel: degree, knots and poles from the text, evaluated by scipy.
+        text = read_named_surface(path, name)
+        spline = NdBSpline((text.knots_u, text.knots_v), text.poles, (text.degree_u, text.degree_v))
+        off_text = max(off_text, float(np.linalg.norm(spline(np.stack([u, v], axis=1)) - meant, axis=1).max()))
+        for what, distance in ((f"the {name}", off), ("the Part 21 text", off_text)):
+            if not distance <= SAME_MM:
+                raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
     return read, {"step_max_mm": off, "part21_max_mm": off_text, "volume_relative": change}
 
 
 def check_surface_step(path: Path, mirror: Mirror) -> dict[str, float]:
     """How far the untrimmed sheet is from the design over its whole box, mm. Raises: WriteError where it differs."""
-    surface = _optical_surface(path, read_step(path))
+    surface = _named_surface(path, read_step(path), OPTICAL_FACE)
     box = mirror.sheet_box()
     if not np.allclose(surface.domain, box, rtol=0, atol=SAME_MM):
         raise WriteError(f"{path.name}: the sheet reads back over {surface.domain}, not {box}")
@@ -81,9 +86,9 @@ def check_points(path: Path, points: Any) -> dict[str, float]:
     return {"points": float(len(read))}
 
 
-def _optical_surface(path: Path, read: StepFile) -> BSplineSurface:
+def _named_surface(path: Path, read: StepFile, name: str) -> BSplineSurface:
     try:
-        return read.optical_surface()
+        return read.named_surface(name)
     except FileError as error:
         raise WriteError(f"{path.name}: reads back different from what was written: {error}") from None
 

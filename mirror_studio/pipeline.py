@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.errors import WriteError
+from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.outline_files import write_dxf
@@ -28,10 +29,11 @@ from mirror_studio.setting import Setting
 from raytrace.errors import TraceError
 from raytrace.image import Frame, driver_view
 from raytrace.measures.difference import reflected_difference
-from raytrace.measures.field_of_view import traced_fields_of_view
+from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
+from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.reflector import Reflector, load_reflector, reflector_of
+from raytrace.reflector import Reflector, TrimmedSurface, load_reflector, reflector_of
 from raytrace.scene.reference import Picture, load_picture
 from raytrace.trace import Status, reflect
 
@@ -88,20 +90,21 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     progress.step(f"{name}: tracing the driver's view")
     scene = setting.scene(picture, spec)
     frame = Frame.around(mirror.box, spec.view.width_px)
-    reflector = reflector_of(step_file)
+    reflector = reflector_of(step_file, spec.glass.index)
+    sheets = _sheets(reflector)
     view, rays = driver_view(reflector, eye, scene, frame, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
     section = mirror.section_fields_of_view()
-    traced = traced_fields_of_view(read_back, eye, mirror.box, mirror.left_height_mm)
+    traced = traced_fields_of_view(sheets or read_back, eye, mirror.box, mirror.left_height_mm)
     progress.step(f"{name}: decoupled and faithful surface side by side")
     methods = compare_methods(mirror)
-    facets = reflected_difference(load_reflector(stl), reflector, eye, scene.z_mm, mirror.box)
+    facets = reflected_difference(_facets(stl, mirror), _bare(reflector), eye, scene.z_mm, mirror.box)
     metrics = {
-        "h_fov_deg": {"section": math.degrees(section[0]), "traced": math.degrees(traced[0])},
-        "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": math.degrees(traced[1])},
+        "h_fov_deg": {"section": math.degrees(section[0]), "traced": _degrees(traced[0])},
+        "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _degrees(traced[1])},
         "lane_straightness_percent": {
-            "traced": lane_straightness(read_back, eye, lane, mirror.box),
-            "image": lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)},
+            "traced": lane_straightness(sheets or read_back, eye, lane, mirror.box),
+            "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, mirror.box)},
         "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
         "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
         "methods": methods,
@@ -111,6 +114,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
                   "back_error_mm": mirror.plate.back_error_mm},
         "files": files,
     }
+    if sheets is not None:
+        metrics["glass"] = _glass(mirror, sheets, eye, points, traced[0])
     progress.step(f"{name}: report")
     write_json(folder / "metrics.json", metrics)
     write_json(folder / "deviation.json", deviation.as_json())
@@ -125,10 +130,13 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
 
 
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> dict[str, Any]:
-    """Trace a STEP or STL file with the spec's eye, scene and view; returns what metrics.json holds."""
+    """Trace a STEP or STL file with the spec's eye, scene and view; returns what metrics.json holds.
+
+    A STEP file with a front face before its optical face is traced through glass of the spec's index.
+    """
     picture = load_picture(spec.scene.image)
     progress.step(f"{path.name}: reading")
-    reflector = load_reflector(path)
+    reflector = load_reflector(path, index=spec.glass.index)
     box = _front_box(reflector)
     setting = Setting.of(spec, box)
     eye, lane = setting.eye, setting.lane
@@ -141,17 +149,60 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> d
         metrics: dict[str, Any] = {
             "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
             "lane_straightness_percent": {
-                "traced": None, "image": lane_straightness_in_picture(view, frame, reflector, eye, box)},
+                "traced": None, "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, box)},
             "rays": rays, "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
-        sheet = reflector.surfaces[0].surface if len(reflector.surfaces) == 1 else None
-        if sheet is not None and reflector.surfaces[0].height_field is not None:
-            metrics["lane_straightness_percent"]["traced"] = lane_straightness(sheet, eye, lane, box)
+        only, sheets = reflector.only, _sheets(reflector)
+        if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
+            metrics["lane_straightness_percent"]["traced"] = lane_straightness(
+                sheets or only.surface, eye, lane, box)
         write_json(folder / "metrics.json", metrics)
         manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec_as_json(spec),
                     "versions": versions(), "files": hashes(folder)}
         write_json(folder / MANIFEST, manifest)
     progress.step(f"{path.name}: done, in {out}")
     return metrics
+
+
+# --- glass --------------------------------------------------------------------------------------------------------
+
+
+def _sheets(reflector: Reflector) -> GlassSheets | None:
+    """Both sheets of a plate of B-splines that reflects from its back; None for another reflector."""
+    glass, back = reflector.glass, reflector.only
+    if glass is None or back is None or not isinstance(glass.front, TrimmedSurface):
+        return None
+    return GlassSheets.of(glass.front, back, glass.index)
+
+
+def _bare(reflector: Reflector) -> Reflector:
+    """The reflecting face alone, as if there were no glass before it: its own places (x, y), and facets' fair counterpart."""
+    return reflector if reflector.glass is None else Reflector(reflector.surfaces)
+
+
+def _facets(stl: Path, mirror: Mirror) -> Reflector:
+    """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
+    if mirror.spec.glass.reflecting == "front":
+        return load_reflector(stl)
+    mesh, domain = read_stl(stl), mirror.surface.domain
+    x, y = np.clip(mesh.vertices[:, 0], *domain[:2]), np.clip(mesh.vertices[:, 1], *domain[2:])
+    on_back = np.linalg.norm(mirror.surface.evaluate(x, y) - mesh.vertices, axis=1) < 0.5 * mirror.spec.glass.thickness_mm
+    return Reflector(mesh=SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
+
+
+def _glass(mirror: Mirror, sheets: GlassSheets, eye: Array, points: Array, h_fov: float) -> dict[str, Any]:
+    """What the glass does to the driver's view: ghost over the grid of points, light, and field of view against none."""
+    bare, _ = traced_fields_of_view(sheets.back.surface, eye, mirror.box, mirror.left_height_mm)
+    seen = ghost(sheets, eye, points[:, 0], points[:, 1])
+    return {"reflecting": mirror.spec.glass.reflecting, "index": sheets.index,
+            "ghost_arcmin": {"max": seen.max_arcmin, "max_at_mm": seen.max_at_mm and list(seen.max_at_mm),
+                             "mean": seen.mean_arcmin, "rays": seen.rays},
+            "front_reflectance": {"mean": seen.front_mean, "max": seen.front_max},
+            "image_reflectance": {"mean": seen.image_mean}, "h_fov_added_deg": _degrees(h_fov - bare)}
+
+
+def _degrees(angle: float) -> float | None:
+    """None for an angle between rays that leave no glass: its sheet ends before."""
+    return math.degrees(angle) if math.isfinite(angle) else None
 
 
 # --- what is taken from any reflector ------------------------------------------------------------------------
@@ -173,20 +224,12 @@ def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float 
 
 def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
     """(x_min, x_max, y_min, y_max) of what reflects."""
-    if reflector.mesh is not None:
-        points = reflector.mesh.vertices
-    else:
-        points = np.concatenate([surface.surface.evaluate(*np.clip(loop, *_corners(surface.surface.domain)).T)
-                                 for surface in reflector.surfaces for loop in surface.loops])
+    points = reflector.outline()
     (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
     if x_max - x_min < SMALLEST_BOX_MM or y_max - y_min < SMALLEST_BOX_MM:
         raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks (along "
                          "−z): the file must be in mirror coordinates, and its faces must have edges there")
     return float(x_min), float(x_max), float(y_min), float(y_max)
-
-
-def _corners(domain: tuple[float, float, float, float]) -> tuple[Array, Array]:
-    return np.array([domain[0], domain[2]]), np.array([domain[1], domain[3]])
 
 
 def _missed(mirror: Mirror, deviation: CurvatureDeviation) -> tuple[str, ...]:

@@ -1,24 +1,30 @@
-"""Triangles and rays in, first hits out: the only module that imports embreex, and the only one in float32."""
+"""Triangles and rays in, first hits out: the only module that imports embreex, which checks nothing that it is given."""
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from raytrace import facets
+from raytrace.parallel import in_runs
 
 Array = NDArray[np.float64]
 
-CHUNK = 50_000  # rays a call: embreex releases the interpreter lock, so chunks run on all cores
+# Beyond this the squares of distances would leave float64.
+FARTHEST = 1e150
 
 
 class Hits(NamedTuple):
-    """First hits of n rays: distance along the (unit) direction, inf for none; triangle, −1 for none; and the
-    barycentric u, v of P = (1 − u − v)·v0 + u·v1 + v·v2."""
+    """First hits of n rays: distance along the direction, inf for none; triangle, −1 for none; and the barycentric u, v of
+    P = (1 − u − v)·v0 + u·v1 + v·v2, 0 for none.
+
+    All are float64 on the triangle's own plane. Which triangle it is comes from float32: a ray within some 1e-6 of the
+    mesh's radius of an edge may get the neighbour's, with u or v as much outside 0…1.
+    """
 
     distance: Array
     triangle: NDArray[np.int32]
@@ -27,55 +33,83 @@ class Hits(NamedTuple):
 
 
 class TriangleScene:
-    """One mesh, committed once. Rays are cast in coordinates about the mesh's centre and start just before it, so that
-    float32 costs about 1e-7 of the mesh's size wherever the mesh or the eye is."""
+    """One mesh, committed once.
 
-    def __init__(self, vertices: Array, faces: NDArray[np.int32]) -> None:
-        vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-        faces = np.ascontiguousarray(faces, dtype=np.int32)
-        # embreex checks none of this, and reads or writes out of bounds where it fails.
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0 or not np.isfinite(vertices).all():
-            raise ValueError(f"vertices must be finite and of shape (n, 3), not {vertices.shape}")
-        if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
-            raise ValueError(f"faces must be of shape (m, 3), not {faces.shape}")
-        if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(f"faces name vertices up to {faces.max()}, there are {len(vertices)}")
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
+    vertices (n, 3), finite, any unit and place; faces (m, 3), integers below n.
+    Raises: ValueError that names what is wrong with them.
+    """
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+        points = _numbers("vertices", vertices)
+        corners = np.asarray(faces)
+        if len(points) == 0:
+            raise ValueError("vertices are empty: a scene needs a triangle")
+        if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
+            raise ValueError(f"faces must be of shape (m, 3), m ≥ 1, not {corners.shape}")
+        if not np.issubdtype(corners.dtype, np.integer):
+            raise ValueError(f"faces must be integers, not {corners.dtype}")
+        finite = np.isfinite(points).all(axis=1)
+        if not finite.all():
+            raise ValueError(f"vertices must be finite: vertex {int(np.argmin(finite))} is {points[np.argmin(finite)]}")
+        if corners.min() < 0 or corners.max() >= len(points):
+            row = int(np.argmax(((corners < 0) | (corners >= len(points))).any(axis=1)))
+            raise ValueError(f"faces must name vertices 0 to {len(points) - 1}: face {row} is {corners[row]}")
+        if np.abs(points).max() > FARTHEST:
+            raise ValueError(f"vertices must lie within {FARTHEST:g}: one is at {np.abs(points).max():g}")
+        low, high = points.min(axis=0), points.max(axis=0)
         self._centre = 0.5 * (low + high)
-        self._radius = float(np.linalg.norm(high - low)) * 0.5 + 1e-6
+        radius = 0.5 * float(np.linalg.norm(high - low))
+        self._scale = float(np.ldexp(1.0, -int(np.frexp(radius)[1])))  # a power of two: it costs no digit
+        self._radius = 1.001 * radius * self._scale  # the overlap sticks out a little
+        self._vertices = (points - self._centre) * self._scale
+        self._faces = np.ascontiguousarray(corners, dtype=np.int32)
+        cast_corners = np.empty((len(corners), 3, 3), dtype=np.float32)
+        facets.overlapping(self._vertices, self._faces, cast_corners)
         self._scene = EmbreeScene(robust=True)
-        self._mesh = TriangleMesh(self._scene, (vertices - self._centre).astype(np.float32), faces)
+        self._mesh = TriangleMesh(self._scene, cast_corners)
         # The first run commits the scene: do it here, before threads share it.
-        self._run(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
+        self._scene.run(np.zeros((1, 3), dtype=np.float32), np.ones((1, 3), dtype=np.float32))
 
-    def first_hits(self, origins: Array, directions: Array) -> Hits:
-        """First hits of rays with unit directions (n, 3) from origins (n, 3) or (3,); both finite float64."""
-        n = len(directions)
-        origins = np.broadcast_to(origins, directions.shape)
+    def first_hits(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
+        """First hits of rays with unit directions (n, 3) from origins (3,), (1, 3) or (n, 3).
+
+        Raises: ValueError for other shapes, and for a ray that is not finite or whose direction is not unit, with its row.
+        """
+        rays = _numbers("directions", directions)
+        starts = _numbers("origins", np.atleast_2d(origins))
+        n = len(rays)
+        if len(starts) not in (1, n):
+            raise ValueError(f"origins must be of shape (3,) or {rays.shape} like the directions, not {starts.shape}")
         out = Hits(np.empty(n), np.empty(n, dtype=np.int32), np.empty(n), np.empty(n))
-
-        def work(start: int) -> None:
-            part = slice(start, min(start + CHUNK, n))
-            distance, triangle, u, v = self._run(origins[part], directions[part])
-            out.distance[part], out.triangle[part], out.u[part], out.v[part] = distance, triangle, u, v
-
-        starts = range(0, n, CHUNK)
-        if len(starts) <= 1:
-            for start in starts:
-                work(start)
-        else:
-            with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-                list(pool.map(work, starts))
+        in_runs(lambda start, stop: self._chunk(slice(start, stop), starts, rays, out), n)
         return out
 
-    def _run(self, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int32], Array, Array]:
-        local = origins - self._centre
-        # To the sphere around the mesh, in float64: the float32 distance is then never longer than the mesh.
-        ahead = np.maximum(-np.einsum("ij,ij->i", local, directions) - self._radius, 0.0)
-        local = local + ahead[:, None] * directions
-        answer = self._scene.run(np.ascontiguousarray(local, dtype=np.float32),
-                                 np.ascontiguousarray(directions, dtype=np.float32), output=True)
-        triangle = answer["primID"].astype(np.int32)
-        hit = triangle >= 0
-        distance = np.where(hit, answer["tfar"].astype(np.float64) + ahead, np.inf)
-        return distance, triangle, answer["u"].astype(np.float64), answer["v"].astype(np.float64)
+    def _chunk(self, part: slice, origins: Array, directions: Array, out: Hits) -> None:
+        rays = directions[part]
+        starts = origins if len(origins) == 1 else origins[part]
+        ends = np.empty((2, len(rays), 3), dtype=np.float32)
+        fault, row = facets.cast(starts, rays, self._centre, self._scale, self._radius, ends[0], ends[1])
+        if fault != facets.GOOD:
+            _refuse(fault, part.start + row, starts[min(row, len(starts) - 1)], rays[row])
+        found = self._scene.run(ends[0], ends[1])
+        facets.refine(starts, rays, self._centre, self._scale, self._vertices, self._faces, found,
+                      out.distance[part], out.triangle[part], out.u[part], out.v[part])
+
+
+def _numbers(name: str, values: ArrayLike) -> Array:
+    """A contiguous float64 array (n, 3) of real numbers, or ValueError."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must be real numbers, not {array.dtype}")
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"{name} must be of shape (n, 3), not {array.shape}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _refuse(fault: int, ray: int, origin: Array, direction: Array) -> None:
+    if fault == facets.BAD_ORIGIN:
+        raise ValueError(f"origins must be finite: that of ray {ray} is {origin}")
+    if fault == facets.BAD_DIRECTION:
+        raise ValueError(f"directions must be finite: that of ray {ray} is {direction}")
+    raise ValueError(f"directions must be of length 1: that of ray {ray} is {direction}, "
+                     f"of length {np.linalg.norm(direction):g}")

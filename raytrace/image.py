@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+import threading
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from raytrace.parallel import in_runs
 from raytrace.reflector import Reflector
-from raytrace.scene.reference import Picture, ReferencePlane
+from raytrace.scene.reference import Picture
 from raytrace.trace import Trace, reflect
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 FRAME_MARGIN = 0.05  # of the mirror's width, on every side
-SAMPLES = 2  # a direction and pixel
-BAND_RAYS = 600_000  # traced at once: some 60 MB of rays and results
+SAMPLES = 4  # a direction, in the pixels that need more than one
+# Difference to a neighbour from which a pixel gets them, in values of 255: a step that a smooth picture may have.
+CONTRAST = 6
 BACKGROUND = np.array([246.0, 246.0, 244.0])
+
+
+class Scene(Protocol):
+    """What reflected rays can land on."""
+
+    def add_colours(self, trace: Trace, background: Array, sums: Array, samples: int) -> None:
+        """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
+
+        Rays that are not reflected see the background (3,). Called from several threads at once.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,37 +68,98 @@ def rays_through(frame: Frame, eye: Array, column: Array, row: Array) -> Array:
     return np.stack([x - eye[0], y - eye[1], np.full(x.shape, -eye[2])], axis=-1)
 
 
-def driver_view(reflector: Reflector, eye: Array, scene: ReferencePlane, frame: Frame,
-                progress: Callable[[float], None] | None = None) -> tuple[Picture, dict[str, int]]:
+def driver_view(reflector: Reflector, eye: Array, scene: Scene, frame: Frame,
+                progress: Callable[[float], None] | None = None, samples: int = SAMPLES) -> tuple[Picture, dict[str, int]]:
     """What the eye sees in the mirror, (rows, columns, 3) uint8, and how many rays had which status.
 
-    A pinhole at the eye, SAMPLES² rays a pixel on a regular grid, averaged; the mirror is cut to its outline by the rays
-    themselves. `progress` is called with the share that is done.
+    A pinhole at the eye. One ray through the middle of every pixel; where that shows a difference of CONTRAST or more to
+    a neighbour, samples² rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
+    The picture does not depend on the number of threads. `progress` is called with the share that is done; what it raises
+    ends the work.
     """
+    if reflector.obstacles_behind:  # they stand in no reflected ray's way, and which ray misses how is not asked
+        reflector = replace(reflector, obstacles=None)
     picture = np.empty((frame.rows, frame.columns, 3), dtype=np.uint8)
-    per_pixel = SAMPLES * SAMPLES
-    band = max(1, BAND_RAYS // (frame.columns * per_pixel))
-    inner = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    counts: dict[str, int] = {}
-    trace = None
-    for first in range(0, frame.rows, band):
-        rows = min(band, frame.rows - first)
-        # Order: row, column, sample in y, sample in x: one pixel's rays in a row.
-        x, y = frame.place(np.arange(frame.columns)[:, None, None] + inner,
-                           (first + np.arange(rows))[:, None, None, None] + inner[:, None])
-        directions = np.empty((rows, frame.columns, SAMPLES, SAMPLES, 3))
-        directions[..., 0], directions[..., 1], directions[..., 2] = x - eye[0], y - eye[1], -eye[2]
-        n = rows * frame.columns * per_pixel
-        reusable = trace is not None and len(trace.status) == n
-        trace = reflect(reflector, eye, directions.reshape(n, 3), out=trace if reusable else None)
-        for name, count in trace.counts().items():
-            counts[name] = counts.get(name, 0) + count
-        sums = np.zeros((rows * frame.columns, 3))
-        scene.add_colours(trace, BACKGROUND, sums, per_pixel)
-        picture[first:first + rows] = np.rint(sums / per_pixel).astype(np.uint8).reshape(rows, frame.columns, 3)
-        if progress is not None:
-            progress((first + rows) / frame.rows)
-    return picture, counts
+    n = frame.rows * frame.columns
+    report = progress or (lambda share: None)
+    counts = _render(reflector, eye, scene, frame, np.arange(n), 1, picture, lambda share: report(share / samples))
+    if samples > 1:
+        again = np.flatnonzero(_contrasts(picture))
+        counts += _render(reflector, eye, scene, frame, again, samples, picture,
+                          lambda share: report((1.0 + (samples - 1) * share) / samples))
+    report(1.0)
+    return picture, {name: counts[name] for name in sorted(counts)}
+
+
+def _render(reflector: Reflector, eye: Array, scene: Scene, frame: Frame, pixels: NDArray[np.intp], samples: int,
+            picture: Picture, report: Callable[[float], None]) -> Counter[str]:
+    """Trace and colour some pixels, samples² rays each."""
+    inner = (np.arange(samples) + 0.5) / samples
+    per_pixel = samples * samples
+    colours = picture.reshape(-1, 3)
+    counts: Counter[str] = Counter()
+    lock, own = threading.Lock(), threading.local()
+
+    def work(start: int, stop: int) -> None:
+        rays = (stop - start) * per_pixel
+        if getattr(own, "rays", 0) != rays:  # a thread's arrays serve for all of its runs
+            own.rays, own.trace, own.directions = rays, Trace.empty(rays), np.empty((rays, 3))
+            own.sums = np.empty((stop - start, 3))
+        _directions(pixels[start:stop], frame.columns, frame.left, frame.top, frame.pixel, eye, inner, own.directions)
+        trace = reflect(reflector, eye, own.directions, out=own.trace)
+        own.sums[:] = 0.0
+        scene.add_colours(trace, BACKGROUND, own.sums, per_pixel)
+        _store(own.sums, 1.0 / per_pixel, pixels[start:stop], colours)
+        with lock:
+            counts.update(trace.counts())
+
+    in_runs(work, len(pixels), max(1, RAYS_AT_ONCE // per_pixel), lambda done: report(done / len(pixels)))
+    return counts
+
+
+RAYS_AT_ONCE = 8_192  # a thread's rays, results and colours: a megabyte, which stays in its core's cache
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba's are
+def _directions(pixels: NDArray[np.intp], columns: int, left: float, top: float, size: float, eye: Array, inner: Array,
+                directions: Array) -> None:
+    """Rays through the samples of pixels, row by row in each."""
+    n = 0
+    for pixel in pixels:
+        row, column = pixel // columns, pixel % columns
+        for a in inner:
+            for b in inner:
+                directions[n, 0] = left + (column + b) * size - eye[0]
+                directions[n, 1] = top - (row + a) * size - eye[1]
+                directions[n, 2] = -eye[2]
+                n += 1
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _store(sums: Array, scale: float, pixels: NDArray[np.intp], colours: Picture) -> None:
+    for i in range(len(pixels)):
+        for c in range(3):
+            colours[pixels[i], c] = np.uint8(np.rint(sums[i, c] * scale))
+
+
+def _contrasts(picture: Picture) -> NDArray[np.bool_]:
+    """Pixels that differ from one beside, above or below by CONTRAST or more."""
+    found = np.zeros(picture.shape[:2], dtype=np.bool_)
+    _mark_contrasts(picture, CONTRAST, found)
+    return found
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _mark_contrasts(picture: Picture, least: int, found: NDArray[np.bool_]) -> None:
+    rows, columns = found.shape
+    for i in range(rows):
+        for j in range(columns):
+            for di, dj in ((0, 1), (1, 0)):
+                k, m = i + di, j + dj
+                if k < rows and m < columns:
+                    for c in range(3):
+                        if abs(np.int64(picture[i, j, c]) - np.int64(picture[k, m, c])) >= least:
+                            found[i, j] = found[k, m] = True
 
 
 def landing_points(trace: Trace, z_mm: float) -> Array:

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace import newton
+from raytrace.embree import Hits
 from raytrace.errors import TraceError
+from raytrace.parallel import in_runs
+from raytrace.quadrics import TrimmedQuadric
 from raytrace.reflector import Reflector, TrimmedSurface
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 # An obstacle counts as in front of the mirror only by more than its own mesh error.
 OBSTACLE_MARGIN_MM = 0.2
-MOST_CROSSINGS = 16  # surfaces or trimmed-away parts a ray may pass on its way to a reflecting place
+MOST_CROSSINGS = 24  # surfaces, their start meshes or trimmed-away parts that a ray may pass on its way
+STEP_ON = 1e-3  # of a surface's size: how far behind a place that is trimmed away a ray starts again
+# Rays searched for at once: the working arrays are some 300 bytes a ray.
+SEARCHED = 200_000
 
 
 class Status(IntEnum):
@@ -24,7 +33,7 @@ class Status(IntEnum):
 
     REFLECTED = 0
     MISSED = 1  # meets nothing, or only parts that are trimmed away
-    BLOCKED = 2  # meets an obstacle first
+    BLOCKED = 2  # meets an obstacle first, or stays inside the glass
     BEHIND = 3  # meets the back of a one-sided face
     LOST = 4  # meets a surface but Newton did not converge on it
     INVALID = 5  # its origin or direction is not finite, or its direction is zero
@@ -32,10 +41,11 @@ class Status(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Result for n rays, in their order; rows of rays that were not reflected are NaN.
+    """Result for n rays, in their order; rows of rays that were not reflected are NaN, but the distance of one from BEHIND.
 
     status (n,) int8, see Status.   points (n, 3) mm.   normals (n, 3), unit, towards the ray's side.
     directions (n, 3), unit, after reflection.   distances (n,) mm, along the ray to the point.
+    normals_from : what the normals are of: the surface itself, a mesh's facets, or a mesh's vertices, interpolated.
     """
 
     status: NDArray[np.int8]
@@ -43,57 +53,250 @@ class Trace:
     normals: Array
     directions: Array
     distances: Array
+    normals_from: Literal["surface", "facets", "interpolated"] = "surface"
 
     @staticmethod
     def empty(n: int) -> Trace:
+        """Arrays for n rays, to be given to `reflect` as `out`."""
         return Trace(np.empty(n, dtype=np.int8), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n))
 
     def counts(self) -> dict[str, int]:
         """How many rays have each status, by name; statuses that none has are left out."""
         return {status.name.lower(): int(count) for status in Status if (count := np.count_nonzero(self.status == status))}
 
+    def check_room(self, n: int) -> None:
+        """Raise TraceError where the results of n rays do not fit."""
+        for name, shape, kind in (("status", (n,), np.int8), ("points", (n, 3), np.float64), ("normals", (n, 3), np.float64),
+                                  ("directions", (n, 3), np.float64), ("distances", (n,), np.float64)):
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != kind or not (array.flags.c_contiguous and array.flags.writeable):
+                raise TraceError(f"out.{name} must be a contiguous, writeable {np.dtype(kind)} array of shape {shape} for {n} "
+                                 f"rays, not {array.dtype} of shape {array.shape}: Trace.empty({n}) makes one")
+
+    def take(self, index: Index, found: Trace) -> None:
+        """Put the results of some rays at their places."""
+        for name in ("status", "points", "normals", "directions", "distances"):
+            getattr(self, name)[index] = getattr(found, name)
+
+    def drop(self, index: Index) -> None:
+        """Make the rows of rays that are not reflected NaN."""
+        for array in (self.points, self.normals, self.directions, self.distances):
+            array[index] = np.nan
+
 
 def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out: Trace | None = None) -> Trace:
     """Trace rays to their first reflection: d' = d − 2(d·n)n at the first reflecting place each ray meets.
 
     origins : (3,) for one eye, or (n, 3), mm.   directions : (n, 3), any length.   out : a Trace of n rays to reuse.
-    On B-splines points and normals are float64, from Newton on the surface itself; on meshes they are Embree's.
-    Raises: TraceError for arrays of other shapes.
+    On surfaces points and normals are float64 and exact but for rounding; on meshes they are those of the facets. A place
+    nearer than 1e-6 mm to the ray's origin is not met, so that rays may start on the surface.
+    With glass before it, see `raytrace.glass.trace_through`.
+    Raises: TraceError for arrays of other shapes or that are no real numbers.
     """
-    eye, rays, valid = _checked(origins, directions)
+    eye, rays = _checked(origins, directions)
     n = len(rays)
     if out is None:
         out = Trace.empty(n)
-    elif out.status.shape != (n,):
-        raise TraceError(f"out holds {len(out.status)} rays, {n} are to be traced")
-    if n == 0:
-        return out
-    if reflector.mesh is not None:
-        _trace_mesh(reflector, eye, rays, out)
     else:
-        _trace_surfaces(reflector, eye, rays, out)
+        out.check_room(n)
+    if reflector.glass is not None:
+        from raytrace.glass import trace_through
+
+        out = trace_through(reflector.glass.front, reflector.surfaces[0], reflector.glass.index, eye, rays, out)
+    elif reflector.mesh is not None:
+        out = replace(out, normals_from=reflector.normals)
+        for part in _parts(np.arange(n)):
+            out.take(part, _on_mesh(reflector, _some(eye, part), rays[part]))
+    else:
+        _on_surfaces(reflector, eye, rays, out)
     _mark_blocked(reflector, eye, rays, out)
-    out.status[~valid] = Status.INVALID
-    newton.finish(rays, out.status, out.points, out.normals, out.directions, out.distances)
     return out
 
 
-def _checked(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Contiguous float64 origins (1 or n, 3), unit directions (n, 3), and which rays are usable."""
-    eye = np.ascontiguousarray(origins, dtype=np.float64)
-    rays = np.ascontiguousarray(directions, dtype=np.float64)
+def _checked(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    """Contiguous float64 origins (1 or n, 3) and directions (n, 3)."""
+    eye, rays = np.asarray(origins), np.asarray(directions)
+    for name, array in (("origins", eye), ("directions", rays)):
+        if array.dtype.kind not in "fiu":
+            raise TraceError(f"{name} must be real numbers, not {array.dtype}")
     if rays.ndim != 2 or rays.shape[1] != 3:
         raise TraceError(f"directions must be of shape (n, 3), not {rays.shape}")
     if eye.shape not in ((3,), rays.shape):
         raise TraceError(f"origins must be of shape (3,) or {rays.shape} like the directions, not {eye.shape}")
-    eye = eye.reshape(-1, 3)
-    units, valid = np.empty(rays.shape), np.empty(len(rays), dtype=np.bool_)
-    newton.unit_directions(rays, units, valid)
-    finite = np.asarray(np.isfinite(eye).all(axis=1))
+    return (np.ascontiguousarray(eye, dtype=np.float64).reshape(-1, 3), np.ascontiguousarray(rays, dtype=np.float64))
+
+
+def _parts(index: Index) -> Iterator[Index]:
+    for start in range(0, len(index), SEARCHED):
+        yield index[start:start + SEARCHED]
+
+
+def _some(eye: Array, index: Index) -> Array:
+    return eye if len(eye) == 1 else eye[index]
+
+
+def _units(eye: Array, rays: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Origins (n, 3), unit directions, and which rays are usable; the others get an origin and a direction that are."""
+    units, valid = np.empty_like(rays), np.empty(len(rays), dtype=np.bool_)
+    in_runs(lambda i, j: newton.unit_directions(rays[i:j], units[i:j], valid[i:j]), len(rays))
+    origins = np.broadcast_to(eye, rays.shape)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(origins).all(axis=1))
     if not finite.all():
+        origins = np.where(finite[:, None], origins, 0.0)
         valid &= finite
-        eye = np.where(finite[:, None], eye, 0.0)
-    return eye, units, valid
+    return origins, units, valid
+
+
+# --- surfaces ---------------------------------------------------------------------------------------------------------
+
+
+def _on_surfaces(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
+    """A single B-spline without a search where it can be met only once; what that leaves, and all else, with one."""
+    only = reflector.only
+    if only is None:
+        waiting = np.arange(len(rays))
+    else:
+        field = only.height_field
+        if field is not None:
+            _run(lambda *arrays: newton.height_field_hits(  # type: ignore[no-untyped-call]
+                field.powers, *field.arguments, field.top, field.steepest, *only.trimming.arguments, only.trimming.sure,
+                *arrays), eye, rays, out)
+        elif only.patches.sheet is not None:
+            _parametric(only, only.patches.sheet, np.empty(0), eye, rays, out)
+        else:
+            out.status[:] = Status.LOST
+        waiting = np.flatnonzero(out.status == Status.LOST)
+    for part in _parts(waiting):
+        out.take(part, _search(reflector, _some(eye, part), rays[part]))
+
+
+def _search(reflector: Reflector, eye: Array, rays: Array) -> Trace:
+    """The first place that each ray meets, wherever it comes from."""
+    found = Trace.empty(len(rays))
+    only = reflector.only
+    if only is not None and only.height_field is not None:
+        field = only.height_field
+        _run(lambda *arrays: newton.height_field_first_hits(  # type: ignore[no-untyped-call]
+            field.powers, *field.arguments, field.bottom, field.top, field.bend, only.one_sided, *only.trimming.arguments,
+            *arrays), eye, rays, found)
+        return found
+    origins, units, valid = _units(eye, rays)
+    found.status[:] = Status.MISSED
+    found.drop(np.arange(len(rays)))
+    for surface in reflector.surfaces:
+        if isinstance(surface, TrimmedQuadric):
+            _meet_quadric(surface, origins, units, found)
+    if reflector.splines:
+        _meet_splines(reflector, origins, units, np.flatnonzero(valid), found)
+    found.status[~valid] = Status.INVALID
+    found.drop(np.flatnonzero(~valid))
+    return found
+
+
+def _meet_quadric(surface: TrimmedQuadric, origins: Array, units: Array, found: Trace) -> None:
+    """Results of the rays that meet a quadric before what they have met so far."""
+    distances, points, normals = surface.nearest(origins, units)
+    index = np.flatnonzero(distances < np.nan_to_num(found.distances, nan=np.inf))
+    d, normal = units[index], normals[index]
+    along = np.einsum("ij,ij->i", d, normal)
+    normal = np.where(along[:, None] > 0.0, -normal, normal)
+    found.status[index] = np.where(surface.one_sided & (along >= 0.0), Status.BEHIND, Status.REFLECTED)
+    found.points[index], found.normals[index], found.distances[index] = points[index], normal, distances[index]
+    found.directions[index] = d + 2.0 * np.abs(along)[:, None] * normal
+    behind = index[found.status[index] == Status.BEHIND]
+    found.points[behind] = found.normals[behind] = found.directions[behind] = np.nan
+
+
+def _meet_splines(reflector: Reflector, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
+    """The same for all B-splines, by Newton from where the rays meet their start meshes."""
+    ends = np.cumsum([len(surface.start_mesh[0].faces) for surface in reflector.splines])
+    lost = np.zeros(len(units), dtype=np.bool_)
+    passed = np.zeros(len(units))  # rays start again behind every place that turned out to be none
+    for _ in range(MOST_CROSSINGS):
+        starts = origins[waiting] + passed[waiting, None] * units[waiting]
+        hits = reflector.mesh_scene.first_hits(starts, units[waiting])
+        far = passed[waiting] + hits.distance
+        # What has been met before is nearer than the start meshes that are left.
+        going = (hits.triangle >= 0) & ~(far > found.distances[waiting])
+        waiting, far = waiting[going], far[going]
+        hits = Hits(hits.distance[going], hits.triangle[going], hits.u[going], hits.v[going])
+        if waiting.size == 0:
+            break
+        owner = np.searchsorted(ends, hits.triangle, side="right")
+        done = np.zeros(len(waiting), dtype=np.bool_)
+        for k, surface in enumerate(reflector.splines):
+            mine = np.flatnonzero(owner == k)
+            if mine.size == 0:
+                continue
+            mesh, uv = surface.start_mesh
+            corners = uv[mesh.faces[hits.triangle[mine] - (ends[k] - len(mesh.faces))]]
+            u, v = hits.u[mine, None], hits.v[mine, None]
+            start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
+            index = waiting[mine]
+            here = Trace.empty(len(mine))
+            _parametric(surface, np.empty(0), start_uv, origins[index], units[index], here)
+            met = (here.status == Status.REFLECTED) | (here.status == Status.BEHIND)
+            nearer = met & ~(here.distances > found.distances[index])
+            rows = np.flatnonzero(nearer)
+            found.take(index[rows], Trace(here.status[rows], here.points[rows], here.normals[rows], here.directions[rows],
+                                          here.distances[rows]))
+            lost[index] = (here.status == Status.LOST) | (lost[index] & ~met)
+            done[mine] = met
+            passed[index] = far[mine] + STEP_ON * 2.0 * surface.patches.extent
+        waiting = waiting[~done]
+    else:
+        lost[waiting] = True
+    nowhere = lost & (found.status == Status.MISSED)
+    found.status[nowhere] = Status.LOST
+
+
+def _parametric(surface: TrimmedSurface, sheet: Array, starts: Array, eye: Array, rays: Array, out: Trace) -> None:
+    patches = surface.patches
+    flat = starts.ravel()
+    _run(lambda i, j, *arrays: newton.parametric_hits(  # type: ignore[no-untyped-call]
+        patches.powers, patches.parts, *patches.arguments, *surface.trimming.arguments, surface.trimming.sure, surface.sign,
+        surface.one_sided, sheet, flat[2 * i:2 * j], *arrays), eye, rays, out, ends=True)
+
+
+def _run(kernel: object, eye: Array, rays: Array, out: Trace, ends: bool = False) -> None:
+    """A kernel on all cores; it gets flat arrays of the rays and results of a run, after the run's ends where it asks."""
+    origins, directions = eye.ravel(), rays.ravel()
+    points, normals, reflected = out.points.ravel(), out.normals.ravel(), out.directions.ravel()
+
+    def work(i: int, j: int) -> None:
+        three = slice(3 * i, 3 * j)
+        kernel(*((i, j) if ends else ()), origins if origins.size == 3 else origins[three], directions[three],  # type: ignore[operator]
+               out.status[i:j], points[three], normals[three], reflected[three], out.distances[i:j])
+
+    in_runs(work, len(rays))
+
+
+# --- meshes and obstacles ---------------------------------------------------------------------------------------------
+
+
+def _on_mesh(reflector: Reflector, eye: Array, rays: Array) -> Trace:
+    """The facets' own normals or those between their corners; the point is Embree's facet, met in float64."""
+    assert reflector.mesh is not None  # called only with one
+    origins, units, valid = _units(eye, rays)
+    found = Trace.empty(len(rays))
+    hits = reflector.mesh_scene.first_hits(origins, units)
+    if reflector.normals == "facets":
+        normals = reflector.mesh.facet_normals()[np.maximum(hits.triangle, 0)]
+    else:
+        from raytrace.mesh_normals import interpolated_normals
+
+        normals = interpolated_normals(reflector.corner_normals, hits.triangle, hits.u, hits.v)
+    along = np.einsum("ij,ij->i", units, normals)
+    normals = np.where(along[:, None] > 0.0, -normals, normals)
+    found.status[:] = np.where((hits.triangle >= 0) & np.any(normals != 0.0, axis=1), Status.REFLECTED, Status.MISSED)
+    found.status[~valid] = Status.INVALID
+    found.distances[:] = hits.distance
+    with np.errstate(invalid="ignore"):
+        found.points[:] = origins + hits.distance[:, None] * units
+    found.normals[:] = normals
+    found.directions[:] = units + 2.0 * np.abs(along)[:, None] * normals
+    found.drop(np.flatnonzero(found.status != Status.REFLECTED))
+    return found
 
 
 def _mark_blocked(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
@@ -101,101 +304,11 @@ def _mark_blocked(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> 
     if reflector.obstacle_scene is None:
         return
     # What stands behind a height field cannot be in front of a place that was reached from above.
-    skipped = [Status.LOST, Status.REFLECTED] if reflector.obstacles_behind else [Status.LOST]
-    asked = np.flatnonzero(~np.isin(out.status, skipped))
-    if asked.size == 0:
-        return
-    ahead = reflector.obstacle_scene.first_hits(eye if len(eye) == 1 else eye[asked], rays[asked]).distance
-    reached = np.where(out.status[asked] == Status.MISSED, np.inf, out.distances[asked])
-    out.status[asked[ahead < reached - OBSTACLE_MARGIN_MM]] = Status.BLOCKED
-
-
-def _trace_surfaces(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
-    """Height fields straight from the plane above; what they leave, and all else, from an Embree hit."""
-    waiting = np.arange(len(rays))
-    out.status[:] = Status.MISSED
-    only = reflector.surfaces[0] if len(reflector.surfaces) == 1 else None
-    field = only.height_field if only is not None else None
-    if only is not None and field is not None:
-        state = np.empty(len(rays), dtype=np.int64)
-        newton.height_field_hits(  # type: ignore[no-untyped-call]
-            field.powers, field.coefficients, field.ends_x, field.ends_y, field.lookup_x, field.lookup_y, field.top,
-            *only.strips, eye, rays, state, out.points, out.normals, out.distances)
-        out.status[state == newton.HIT] = Status.REFLECTED
-        waiting = np.flatnonzero(state == newton.LOST)
-    # Rays start again just behind every place that turned out to be trimmed away.
-    passed = np.zeros(len(rays))
-    for _ in range(MOST_CROSSINGS):
-        if waiting.size == 0:
-            return
-        waiting = _cross_once(reflector, eye, rays, passed, waiting, out)
-    out.status[waiting] = Status.LOST
-
-
-def _cross_once(reflector: Reflector, eye: Array, rays: Array, passed: Array, waiting: NDArray[np.intp], out: Trace,
-                ) -> NDArray[np.intp]:
-    """Take the waiting rays to the next surface each meets; returns those that met a trimmed-away part of it."""
-    directions = rays[waiting]
-    starts = (eye if len(eye) == 1 else eye[waiting]) + passed[waiting, None] * directions
-    hits = reflector.mesh_scene.first_hits(starts, directions)
-    owner = np.searchsorted(_triangle_ends(reflector), hits.triangle, side="right")
-    again = []
-    for k, surface in enumerate(reflector.surfaces):
-        mine = np.flatnonzero((hits.triangle >= 0) & (owner == k))
-        if mine.size == 0:
-            continue
-        mesh, uv = surface.start_mesh
-        corners = uv[mesh.faces[hits.triangle[mine] - (_triangle_ends(reflector)[k] - len(mesh.faces))]]
-        u, v = hits.u[mine, None], hits.v[mine, None]
-        start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
-        index = waiting[mine]
-        state = _refine(surface, eye if len(eye) == 1 else eye[index], rays[index], start_uv, index, out)
-        out.status[index[state == newton.LOST]] = Status.LOST
-        outside = index[state == newton.OUTSIDE]
-        passed[outside] += hits.distance[mine[state == newton.OUTSIDE]] + 1e-3 * _size(surface.surface.poles)
-        again.append(outside)
-    return np.concatenate(again) if again else np.empty(0, dtype=np.intp)
-
-
-def _refine(surface: TrimmedSurface, eye: Array, rays: Array, start_uv: Array, index: NDArray[np.intp],
-            out: Trace) -> NDArray[np.int64]:
-    """Newton from the starts; hits are written to out at index, with their status."""
-    record = surface.surface
-    weights = np.ones(record.poles.shape[:2]) if record.weights is None else record.weights
-    homogeneous = np.concatenate([record.poles * weights[..., None], weights[..., None]], axis=2)
-    n = len(rays)
-    state, points, normals, distances = np.empty(n, dtype=np.int64), np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-    newton.parametric_hits(record.knots_u, record.knots_v, record.degree_u, record.degree_v, homogeneous,
-                           _size(record.poles), *surface.strips, eye, rays, start_uv, state, points, normals, distances)
-    hit = state == newton.HIT
-    facing = np.einsum("ij,ij->i", rays, normals) * surface.sign
-    # The stored normal looks back along the ray.
-    normals *= np.where(np.einsum("ij,ij->i", rays, normals) > 0.0, -1.0, 1.0)[:, None]
-    status = np.where(hit, Status.REFLECTED, Status.MISSED)
-    if surface.one_sided:
-        status[hit & (facing >= 0.0)] = Status.BEHIND
-    out.status[index] = status
-    out.points[index], out.normals[index], out.distances[index] = points, normals, distances
-    return state
-
-
-def _trace_mesh(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
-    """Facets: the normal is the triangle's, the point Embree's distance along the ray."""
-    assert reflector.mesh is not None  # _trace_mesh is only called with one
-    hits = reflector.mesh_scene.first_hits(eye, rays)
-    hit = hits.triangle >= 0
-    normals = reflector.mesh.facet_normals()[np.maximum(hits.triangle, 0)]
-    normals *= np.where(np.einsum("ij,ij->i", rays, normals) > 0.0, -1.0, 1.0)[:, None]
-    out.status[:] = np.where(hit & np.any(normals != 0.0, axis=1), Status.REFLECTED, Status.MISSED)
-    with np.errstate(invalid="ignore"):
-        out.points[:] = eye + hits.distance[:, None] * rays
-    out.normals[:] = normals
-    out.distances[:] = hits.distance
-
-
-def _triangle_ends(reflector: Reflector) -> NDArray[np.int64]:
-    return np.cumsum([len(surface.start_mesh[0].faces) for surface in reflector.surfaces])
-
-
-def _size(poles: Array) -> float:
-    return float(np.linalg.norm(poles.reshape(-1, 3).max(axis=0) - poles.reshape(-1, 3).min(axis=0)))
+    skipped = [Status.LOST, Status.INVALID] + ([Status.REFLECTED] if reflector.obstacles_behind else [])
+    for asked in _parts(np.flatnonzero(~np.isin(out.status, skipped))):
+        origins, units, _ = _units(_some(eye, asked), rays[asked])
+        ahead = reflector.obstacle_scene.first_hits(origins, units).distance
+        reached = np.where(out.status[asked] == Status.MISSED, np.inf, out.distances[asked])
+        blocked = asked[ahead < reached - OBSTACLE_MARGIN_MM]
+        out.status[blocked] = Status.BLOCKED
+        out.drop(blocked)

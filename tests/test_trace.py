@@ -13,7 +13,6 @@ import mirror_cad
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
-from raytrace.embree import TriangleScene
 from raytrace.eye import eye_position
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
@@ -136,7 +135,7 @@ def test_results_do_not_depend_on_array_layout_and_are_reused() -> None:
             raytrace.reflect(reflector, EYE, bad)
     with pytest.raises(raytrace.TraceError, match="origins must be"):
         raytrace.reflect(reflector, np.zeros((3, 3)), directions)
-    with pytest.raises(raytrace.TraceError, match="out holds 2000 rays, 10"):
+    with pytest.raises(raytrace.TraceError, match=r"out.status must be .* for 10 rays, not int8 of shape \(2000,\)"):
         raytrace.reflect(reflector, EYE, directions[:10], out=reference)
 
 
@@ -221,26 +220,6 @@ def test_a_plane_mirror_keeps_lanes_straight_and_shows_the_flat_field_of_view() 
     assert lane_straightness(mirror.surface, EYE, lane, mirror.box) == pytest.approx(0.0, abs=1e-6)
     h, _ = traced_fields_of_view(mirror.surface, EYE, mirror.box, 270.0)
     assert h == pytest.approx(np.arctan2(230.0, EYE[2]), abs=1e-12)
-
-
-def test_embree_sees_a_far_mesh_as_well_as_a_near_one() -> None:
-    vertices = np.array([[-50.0, -50, 0], [50, -50, 0], [0, 50, 0]])
-    shift = np.array([1e5, -2e5, 3e5])
-    for offset in (np.zeros(3), shift):
-        scene = TriangleScene(vertices + offset, np.array([[0, 1, 2]], dtype=np.int32))
-        hits = scene.first_hits(offset + [0.0, 0, 1e5], np.array([[0.0, 0, -1]]))
-        assert hits.triangle[0] == 0
-        assert hits.distance[0] == pytest.approx(1e5, abs=1e-3)
-
-
-@pytest.mark.parametrize(("vertices", "faces"), [
-    (np.zeros((3, 2)), np.array([[0, 1, 2]])), (np.full((3, 3), np.nan), np.array([[0, 1, 2]])),
-    (np.zeros((3, 3)), np.array([[0, 1, 3]])), (np.zeros((3, 3)), np.array([[0, 1, -1]])),
-    (np.zeros((3, 3)), np.empty((0, 3))), (np.zeros((3, 3)), np.array([0, 1, 2])),
-])
-def test_embree_is_never_handed_what_would_crash_it(vertices: np.ndarray, faces: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="vertices|faces"):
-        TriangleScene(vertices, faces)
 
 
 @pytest.mark.parametrize("name", PAPER_MIRRORS)

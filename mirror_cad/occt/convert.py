@@ -10,6 +10,7 @@ from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
 from OCP.GCPnts import GCPnts_TangentialDeflection
 from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle, Geom2d_Curve, Geom2d_Line, Geom2d_TrimmedCurve
+from OCP.GeomAbs import GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
 from OCP.gp import gp_Ax22d, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
@@ -20,6 +21,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import SurfaceError
 from mirror_cad.outline import Arc, Line, Spline
+from mirror_cad.quadric import Quadric
 
 Array = NDArray[np.float64]
 
@@ -86,6 +88,19 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
     return from_geom_surface(geom), converted
 
 
+def face_as_quadric(face: TopoDS_Face) -> Quadric | None:
+    """The plane, sphere or cylinder under a face, in world coordinates and its own parameters; None for other surfaces."""
+    adaptor = BRepAdaptor_Surface(face, False)
+    kind = {GeomAbs_Plane: "plane", GeomAbs_Sphere: "sphere", GeomAbs_Cylinder: "cylinder"}.get(adaptor.GetType())
+    if kind is None:
+        return None
+    element = {"plane": adaptor.Plane, "sphere": adaptor.Sphere, "cylinder": adaptor.Cylinder}[kind]()
+    position = element.Position()
+    axes = np.array([axis.Coord() for axis in (position.XDirection(), position.YDirection(), position.Direction())])
+    radius = 0.0 if kind == "plane" else float(element.Radius())
+    return Quadric(kind, np.array(position.Location().Coord()), axes, radius)  # type: ignore[arg-type]
+
+
 def is_reversed(face: TopoDS_Face) -> bool:
     """Whether the face's outer side is opposite to its surface's normal."""
     return bool(face.Orientation() == TopAbs_REVERSED)
@@ -96,7 +111,10 @@ LOOP_CHORD = 1e-7
 
 
 def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
-    """The wires of a face as closed polygons in its surface's (u, v), (n, 2) each, the first point not repeated."""
+    """The wires of a face as closed polygons in its surface's (u, v), (n, 2) each, the first point not repeated.
+
+    A closed face without edges, a whole sphere, has the rectangle of its parameters.
+    """
     u_min, u_max, v_min, v_max = BRepTools.UVBounds_s(face)
     chord = LOOP_CHORD * max(u_max - u_min, v_max - v_min)
     loops = []
@@ -113,6 +131,8 @@ def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
         if points:
             loops.append(np.concatenate(points))
         wires.Next()
+    if not loops:
+        loops.append(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]))
     return tuple(loops)
 
 

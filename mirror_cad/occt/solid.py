@@ -1,8 +1,9 @@
-"""Surface, outline and thickness in, the trimmed optical face and the plate behind it out."""
+"""Surface, outline and thickness in, the trimmed optical face and the plate behind or before it out."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +32,17 @@ from mirror_cad.occt.convert import to_geom_surface, to_pcurve
 from mirror_cad.outline import Outline
 
 Array = NDArray[np.float64]
+Side = Literal["front", "back"]
 
 # The 3D edges follow surface(pcurve) this closely: a hundredth of the position tolerance of a fit.
 EDGE_TOLERANCE_MM = 1e-7
 # Faces closer than this are sewn: the edges' own error, with room for the ends of two of them.
 SEWING_TOLERANCE_MM = 1e-6
-# The back is a B-spline within this of the true offset, and within this share of the thickness.
-BACK_TOLERANCE_MM = 1e-3
-BACK_SHARE = 0.01
-BACK_ROUNDS = 4  # tries at the back, each on half the spans of the one before
+# The plate's other face is a B-spline within this of the true offset, and within this share of the thickness: a back only
+# has to be there; a front that light goes through is as good as a fit's default.
+OFFSET_TOLERANCE_MM = {"back": 1e-3, "front": 1e-5}
+OFFSET_SHARE = 0.01
+OFFSET_ROUNDS = 4  # tries at the offset, each on half the spans of the one before
 # A thinner plate is not two surfaces any more to what reads it: float32, which STL holds, has steps of 1e-4 mm at 1.5 m.
 THINNEST_MM = 1e-3
 # The kernel's adaptive integration of area and volume, relative, starts anew on every edge: at the fine setting a thousand
@@ -55,30 +58,36 @@ MANY_PATCHES = 500
 class Plate:
     """A mirror as a solid: the optical face, the whole, and what the kernel says of it.
 
-    back : the surface behind, on the optical surface's parameters.   area_mm2 : of the optical face.
-    volume_mm3 : of the plate.   back_error_mm : back against the true offset.
+    front_face : the face towards the driver, which is the optical one where the front reflects.   front, back : the surfaces
+    of both faces, on the same parameters.   offset : that of the two which is not the optical one.   area_mm2 : of the
+    optical face.   volume_mm3 : of the plate.   back_error_mm : `offset`, be it back or front, against the true one.
     """
 
     solid: TopoDS_Solid
     optical: TopoDS_Face
+    front_face: TopoDS_Face
+    front: BSplineSurface
     back: BSplineSurface
+    offset: BSplineSurface
     area_mm2: float
     volume_mm3: float
     back_error_mm: float
 
 
-def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> Plate:
-    """The solid between the optical face and its offset by −t·N, with ruled sides along the normals.
+def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front") -> Plate:
+    """The solid between the optical face and its offset along the normals, with ruled sides along them.
 
-    Front, back and sides are plain B-splines. Back: S − t·N on the front's parameters, so the front's trimming curves
-    serve for both. Raises: SolidError for a thickness that `check_thickness` refuses, where the back misses the true
-    offset by more than BACK_TOLERANCE_MM, or where the kernel finds no single valid solid.
+    reflecting : which face of the plate the optical one is. The other is S − t·N behind a reflecting front and S + t·N
+    before a reflecting back, on the same parameters, so the same trimming curves serve for both; both and the sides are
+    plain B-splines.
+    Raises: SolidError for a thickness that `check_thickness` refuses, where the other face misses the true offset by
+    more than OFFSET_TOLERANCE_MM, or where the kernel finds no single valid solid.
     """
-    check_thickness(surface, outline, thickness_mm)
-    back_surface, back_error = offset_surface(surface, outline, thickness_mm)
+    check_thickness(surface, outline, thickness_mm, reflecting)
+    offset, offset_error = offset_surface(surface, outline, thickness_mm, reflecting)
+    front_surface, back_surface = (surface, offset) if reflecting == "front" else (offset, surface)
     pcurves = _pcurves(outline)
-    front = _face(to_geom_surface(surface), pcurves)
-    back = _face(to_geom_surface(back_surface), pcurves)
+    front, back = (_face(to_geom_surface(each), pcurves) for each in (front_surface, back_surface))
     sewing = BRepBuilderAPI_Sewing(SEWING_TOLERANCE_MM)
     sewing.Add(front)
     sewing.Add(back.Reversed())
@@ -86,18 +95,19 @@ def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> Pla
         sewing.Add(BRepFill.Face_s(edge, other))
     sewing.Perform()
     shell = _only(sewing.SewedShape(), TopAbs_SHELL, "shell")
-    front = sewing.Modified(front) if sewing.IsModified(front) else front
-    if face_on(shell, to_geom_surface(surface), front).Orientation() == TopAbs_REVERSED:
-        shell.Reverse()  # outside is where the optical face's normal points
+    front, back = (sewing.Modified(face) if sewing.IsModified(face) else face for face in (front, back))
+    if face_on(shell, to_geom_surface(front_surface), front).Orientation() == TopAbs_REVERSED:
+        shell.Reverse()  # outside is where the front's normal points
     builder = BRep_Builder()
     solid = TopoDS_Solid()
     builder.MakeSolid(solid)
     builder.Add(solid, shell)
-    optical = face_on(solid, to_geom_surface(surface), front)
+    front_face = face_on(solid, to_geom_surface(front_surface), front)
+    optical = front_face if reflecting == "front" else face_on(solid, to_geom_surface(back_surface), back)
     if sewing.NbFreeEdges() or not BRepCheck_Analyzer(solid).IsValid():
         raise SolidError(f"the plate of {thickness_mm:g} mm is no valid solid ({sewing.NbFreeEdges()} open edges): look "
                          "for an outline with pieces shorter than a micrometre or corners sharper than the glass is thick")
-    return Plate(solid, optical, back_surface, area(optical), volume(solid), back_error)
+    return Plate(solid, optical, front_face, front_surface, back_surface, offset, area(optical), volume(solid), offset_error)
 
 
 def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:
@@ -116,11 +126,11 @@ def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tu
     return shell, face
 
 
-def check_thickness(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> None:
+def check_thickness(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front") -> None:
     """Raise SolidError for a thickness that makes no plate of this surface.
 
-    Below THINNEST_MM; where t·κ ≥ 1 for a convex principal curvature, the offset folds; where t·κ ≤ −1 for a concave
-    one, the glass is thicker than the radius it is bent to.
+    Below THINNEST_MM; where the offset folds, which is at t·κ ≥ 1 (convex) for a back behind the optical face and at
+    t·κ ≤ −1 (concave) for a front before it; and where the glass is thicker than the radius it is bent to the other way.
     """
     what = f"glass.thickness_mm = {thickness_mm:g}"
     if not thickness_mm >= THINNEST_MM:
@@ -128,39 +138,45 @@ def check_thickness(surface: BSplineSurface, outline: Outline, thickness_mm: flo
     grid = Grid.over(outline)
     x, y = grid.x, grid.y
     larger, smaller = principal_curvatures_of(shape_operator(grid.derivatives(surface)))
-    for kind, kappa, why in (("convex", larger, "the back would fold: thinner glass, or larger radii"),
-                             ("concave", -smaller, "that is a block and no bent plate: thinner glass, or larger radii")):
+    other = "back" if reflecting == "front" else "front"
+    folds = f"the {other} would fold: thinner glass, or larger radii"
+    block = "that is a block and no bent plate: thinner glass, or larger radii"
+    convex, concave = (folds, block) if reflecting == "front" else (block, folds)
+    for kind, kappa, why in (("convex", larger, convex), ("concave", -smaller, concave)):
         worst = int(np.argmax(kappa))
         if thickness_mm * kappa[worst] >= 1.0:
             raise SolidError(f"{what} is not below the smallest {kind} radius, {1.0 / kappa[worst]:.2f} mm at "
                              f"({x[worst]:.1f}, {y[worst]:.1f}) mm: {why}")
 
 
-def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: float) -> tuple[BSplineSurface, float]:
-    """S − t·N as a B-spline on the same parameters, and its largest distance from the true offset, mm.
+def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front",
+                   ) -> tuple[BSplineSurface, float]:
+    """S − t·N behind a reflecting front, S + t·N before a reflecting back, as a B-spline on the same parameters, and its
+    largest distance from the true offset, mm.
 
-    Collocated on the front's own knots, with spans halved until the tolerance holds. Raises: SolidError where it does not.
+    Collocated on the surface's own knots, with spans halved until the tolerance holds. Raises: SolidError where it does not.
     """
+    other, along = ("back", -thickness_mm) if reflecting == "front" else ("front", thickness_mm)
 
-    def offset(u: Array, v: Array) -> Array:
+    def true_offset(u: Array, v: Array) -> Array:
         d = surface.on_grid(u, v)
-        result: Array = d["s"] - thickness_mm * normals(d["u"], d["v"])
+        result: Array = d["s"] + along * normals(d["u"], d["v"])
         return result
 
     degree = max(surface.degree_u, surface.degree_v)
-    tolerance = min(BACK_TOLERANCE_MM, BACK_SHARE * thickness_mm)
+    tolerance = min(OFFSET_TOLERANCE_MM[other], OFFSET_SHARE * thickness_mm)
     grid = Grid.over(outline)
     d = grid.derivatives(surface)
-    wanted = d["s"] - thickness_mm * normals(d["u"], d["v"])
+    wanted = d["s"] + along * normals(d["u"], d["v"])
     knots_u, knots_v = _knots_for_normals(surface.knots_u, degree), _knots_for_normals(surface.knots_v, degree)
-    for _ in range(BACK_ROUNDS):
-        back = collocate(offset, knots_u, knots_v, degree)
-        error = float(np.linalg.norm(grid.derivatives(back)["s"] - wanted, axis=1).max())
+    for _ in range(OFFSET_ROUNDS):
+        offset = collocate(true_offset, knots_u, knots_v, degree)
+        error = float(np.linalg.norm(grid.derivatives(offset)["s"] - wanted, axis=1).max())
         if error <= tolerance:
-            return back, error
+            return offset, error
         knots_u, knots_v = (np.sort(np.concatenate([k, _middles(k)])) for k in (knots_u, knots_v))
-    raise SolidError(f"the back of the plate stays {error:.2g} mm from the true offset (at most {tolerance:g} mm is allowed): "
-                     "the surface bends too sharply for this glass.thickness_mm")
+    raise SolidError(f"the {other} of the plate stays {error:.2g} mm from the true offset (at most {tolerance:g} mm is "
+                     "allowed): the surface bends too sharply for this glass.thickness_mm")
 
 
 def _knots_for_normals(knots: Array, degree: int) -> Array:

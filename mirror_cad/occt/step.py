@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -24,10 +25,12 @@ from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentToo
 
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import FileError, WriteError
-from mirror_cad.occt.convert import face_as_bspline
+from mirror_cad.occt.convert import face_as_bspline, face_as_quadric
 from mirror_cad.occt.solid import faces_of
+from mirror_cad.quadric import Quadric
 
 OPTICAL_FACE = "optical face"
+FRONT_FACE = "front face"  # of glass that reflects from its back: light goes in and out there
 TRIM_CURVE = "trim curve"
 OPTICAL_COLOUR = (0.55, 0.75, 0.95)
 GLASS_COLOUR = (0.35, 0.38, 0.42)
@@ -35,16 +38,16 @@ GLASS_COLOUR = (0.35, 0.38, 0.42)
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One product of a STEP file: a shape, its name, its colour, and a face of it with a name and colour of its own.
+    """One product of a STEP file: a shape, its name, its colour, and faces of it with names of their own.
 
-    Only one part of a file should have a colour: the kernel writes the colours of several in an order that differs from
-    process to process.
+    The face named OPTICAL_FACE has a colour of its own too. Only one part of a file should have a colour: the kernel writes
+    the colours of several in an order that differs from process to process.
     """
 
     shape: TopoDS_Shape
     name: str
     colour: tuple[float, float, float] | None = None
-    named_face: TopoDS_Face | None = None
+    named_faces: Mapping[str, TopoDS_Face] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,11 @@ class StepFace:
     @cached_property
     def _converted(self) -> tuple[BSplineSurface, TopoDS_Face]:
         return face_as_bspline(self.raw)
+
+    @property
+    def quadric(self) -> Quadric | None:
+        """The plane, sphere or cylinder under it; None for other surfaces."""
+        return face_as_quadric(self.raw)
 
     @property
     def surface(self) -> BSplineSurface:
@@ -78,9 +86,13 @@ class StepFile:
 
     def optical_surface(self) -> BSplineSurface:
         """The surface of the one face that is named OPTICAL_FACE. Raises: FileError where there are none or several."""
-        found = [face.surface for face in self.faces if face.name == OPTICAL_FACE]
+        return self.named_surface(OPTICAL_FACE)
+
+    def named_surface(self, name: str) -> BSplineSurface:
+        """The surface of the one face of this name. Raises: FileError where there are none or several."""
+        found = [face.surface for face in self.faces if face.name == name]
         if len(found) != 1:
-            raise FileError(f"the file has {len(found)} faces named {OPTICAL_FACE!r}, not 1")
+            raise FileError(f"the file has {len(found)} faces named {name!r}, not 1")
         return found[0]
 
 
@@ -98,10 +110,11 @@ def write_step(path: Path, parts: list[Part], title: str) -> None:
         TDataStd_Name.Set_s(label, TCollection_ExtendedString(part.name))
         if part.colour is not None:
             colours.SetColor(label, Quantity_Color(*part.colour, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
-        if part.named_face is not None:
-            face = shapes.AddSubShape(label, part.named_face)
-            TDataStd_Name.Set_s(face, TCollection_ExtendedString(OPTICAL_FACE))
-            colours.SetColor(face, Quantity_Color(*OPTICAL_COLOUR, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
+        for name, shape in part.named_faces.items():
+            face = shapes.AddSubShape(label, shape)
+            TDataStd_Name.Set_s(face, TCollection_ExtendedString(name))
+            if name == OPTICAL_FACE:
+                colours.SetColor(face, Quantity_Color(*OPTICAL_COLOUR, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
     # The settings exist only once the controller does, and a writer takes the schema when it is made. The kernel's name
     # for AP242 is "AP242DIS"; "AP242" it would refuse without a word.
     STEPCAFControl_Controller.Init_s()

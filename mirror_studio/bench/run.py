@@ -19,6 +19,7 @@ PARTS = {
     "surfaces": "Making the surface",
     "evaluation": "Evaluating the surface",
     "tessellation": "Meshing the plate",
+    "tracing": "Tracing",
     "model": "What the model holds",
     "faithful": "The faithful surface",
     "hard-cases": "Hard cases",

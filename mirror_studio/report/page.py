@@ -171,7 +171,9 @@ def _facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Vertical law Ry(x)", law_in_words(spec.vertical.model_dump())),
         ("Surface", METHODS[spec.surface.method]),
         ("Size", f"{fixed(x_max - x_min, 1)} × {fixed(y_max - y_min, 1)} mm, "
-                 f"{plain(spec.glass.thickness_mm)} mm thick"),
+                 f"{plain(spec.glass.thickness_mm)} mm thick"
+                 + (f", reflecting from its back through glass of index {plain(spec.glass.index)}"
+                    if spec.glass.reflecting == "back" else "")),
         ("Eye", sits),
     ]
 
@@ -192,8 +194,26 @@ def _view(mirror: Mirror, metrics: Mapping[str, Any]) -> dict[str, Any]:
         "left_half_mm": plain(round(0.5 * mirror.left_height_mm, 1)),
         "stl": {"max": with_unit(plane.get("max"), "mm"), "rms": with_unit(plane.get("rms"), "mm"),
                 "rays": count(plane.get("rays"))} if plane.get("max") is not None else None,
+        "glass": _glass(metrics.get("glass")),
         "rays": [(name.replace("_", " "), count(value)) for name, value in rays.items() if value is not None],
     }
+
+
+def _glass(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """What the glass before a reflecting back does to the view; empty without."""
+    if not found:
+        return []
+    apart, front, image = found["ghost_arcmin"], found["front_reflectance"], found["image_reflectance"]
+    mean, largest, through = (None if share is None else 100.0 * share
+                              for share in (front["mean"], front["max"], image["mean"]))
+    at = f" at {place(apart['max_at_mm'])}{NARROW_SPACE}mm" if apart["max_at_mm"] else ""
+    return [
+        ("ghost beside the image, largest", fixed_with_unit(apart["max"], "′", 1) + at),
+        ("the same, mean", fixed_with_unit(apart["mean"], "′", 1)),
+        ("light in the ghost", f"{fixed_with_unit(mean, '%', 1)}, at most {fixed_with_unit(largest, '%', 1)}"),
+        ("light in the image", fixed_with_unit(through, "%", 1)),
+        ("horizontal field of view, added", fixed_with_unit(found["h_fov_added_deg"], "°", 2)),
+    ]
 
 
 def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -218,10 +238,10 @@ def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]
                      f"(asked: {given(surface.curvature_tolerance_percent, '%')})"))
     if mirror.matched is not None:
         rows.append(("Solved for", f"{mirror.matched[0]} = {number(mirror.matched[1], 6)}"))
-    plate = metrics.get("plate") or {}
+    plate, other = metrics.get("plate") or {}, "Back" if mirror.spec.glass.reflecting == "front" else "Front"
     rows += [(label, with_unit(plate[key], unit, digits)) for key, label, unit, digits in (
         ("area_mm2", "Area of the optical face", "mm²", 5), ("volume_mm3", "Volume of the plate", "mm³", 5),
-        ("back_error_mm", "Back of the plate against the true offset", "mm", 2)) if plate.get(key) is not None]
+        ("back_error_mm", f"{other} of the plate against the true offset", "mm", 2)) if plate.get(key) is not None]
     rows += [(CHECKS.get(key, key.replace("_", " ")), _measured(key, value))
              for key, value in (metrics.get("files") or {}).items() if value is not None]
     return rows

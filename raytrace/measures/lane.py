@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from mirror_cad.bspline import BSplineSurface
-from raytrace.measures.field_of_view import reflected_at
+from raytrace.measures.field_of_view import GlassSheets, reflected_at
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -37,7 +37,8 @@ class StraightLane:
         return result
 
 
-def lane_height(surface: BSplineSurface, eye: Array, lane: StraightLane, x: float, y_min: float, y_max: float) -> float | None:
+def lane_height(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, x: float, y_min: float, y_max: float,
+                ) -> float | None:
     """The height y on the mirror at which the lane appears at x, in mm; None where it does not within [y_min, y_max]."""
 
     def above(y: float) -> float:
@@ -52,7 +53,7 @@ def lane_height(surface: BSplineSurface, eye: Array, lane: StraightLane, x: floa
     return float(brentq(above, y[i], y[i + 1], xtol=1e-11))
 
 
-def lane_straightness(surface: BSplineSurface, eye: Array, lane: StraightLane, box: Box) -> float | None:
+def lane_straightness(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, box: Box) -> float | None:
     """(|Δy_curve| − |Δy_line|)/|Δy_line| in percent at the mirror's left edge, in mirror coordinates (x, y).
 
     Δy_curve: from where the lane's image crosses the right edge to where it crosses the left edge. Δy_line: the same

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
@@ -44,47 +44,50 @@ class ReferencePlane:
         x, y = self.centre_mm
         return x - 0.5 * self.width_mm, x + 0.5 * self.width_mm, y - half_height, y + half_height
 
-    def add_colours(self, trace: Trace, background: Array, sums: Array,
-                    samples: int) -> None:
+    def add_colours(self, trace: Trace, background: Array, sums: Array, samples: int) -> None:
         """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
 
         Rays that are not reflected see the background (3,), rays that land beside the picture BESIDE.
         """
         _, x_max, _, y_max = self.bounds()
-        _add_colours(trace.status, trace.points, trace.directions, self.picture, self.z_mm, x_max, y_max,
-                     self.picture.shape[1] / self.width_mm, background, BESIDE, sums, samples)
+        columns = self.picture.shape[1]
+        _add_colours(trace.status, trace.points, trace.directions, self.picture.ravel(), columns, self.z_mm, x_max, y_max,
+                     columns / self.width_mm, background, BESIDE, sums, samples)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
-def _add_colours(status, points, directions, picture, z, x_max, y_max, per_mm, background, beside,
-                 sums, samples):
-    rows, columns = picture.shape[0], picture.shape[1]
-    for pixel in prange(sums.shape[0]):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_colours(status, points, directions, picture, columns, z, x_max, y_max, per_mm, background, beside, sums, samples):
+    rows = picture.size // (3 * columns)
+    right, below = 3 * min(columns - 1, 1), 3 * columns * min(rows - 1, 1)  # from an element to the next ones
+    for pixel in range(sums.shape[0]):
+        red = green = blue = 0.0
         for k in range(samples):
-            n = np.int64(pixel) * samples + k
-            seen = False
-            plain = background
-            if status[n] == 0:
-                plain = beside
-            if status[n] == 0 and directions[n, 2] != 0.0:
-                t = (z - points[n, 2]) / directions[n, 2]
-                # Picture coordinates in elements from the left and the top; the left is at the largest X.
-                column = (x_max - points[n, 0] - t * directions[n, 0]) * per_mm - 0.5
-                row = (y_max - points[n, 1] - t * directions[n, 1]) * per_mm - 0.5
-                seen = t > 0.0 and -0.5 <= column <= columns - 0.5 and -0.5 <= row <= rows - 0.5
-            if not seen:
-                for c in range(3):
-                    sums[pixel, c] += plain[c]
+            n = np.int64(np.uint32(pixel * samples + k))  # not negative, and known not to be
+            if status[n] != 0:
+                red, green, blue = red + background[0], green + background[1], blue + background[2]
                 continue
-            column = min(max(column, 0.0), columns - 1.0)
-            row = min(max(row, 0.0), rows - 1.0)
+            t = (z - points[n, 2]) / directions[n, 2]
+            # Picture coordinates in elements from the left and the top; the left is at the largest X.
+            column = (x_max - points[n, 0] - t * directions[n, 0]) * per_mm - 0.5
+            row = (y_max - points[n, 1] - t * directions[n, 1]) * per_mm - 0.5
+            if not (0.0 < t < np.inf and -0.5 <= column <= columns - 0.5 and -0.5 <= row <= rows - 0.5):
+                red, green, blue = red + beside[0], green + beside[1], blue + beside[2]
+                continue
+            column, row = min(max(column, 0.0), columns - 1.0), min(max(row, 0.0), rows - 1.0)
             i, j = min(int(row), max(rows - 2, 0)), min(int(column), max(columns - 2, 0))
-            below, right = min(i + 1, rows - 1), min(j + 1, columns - 1)
             a, b = row - i, column - j
-            for c in range(3):
-                upper = (1.0 - b) * picture[i, j, c] + b * picture[i, right, c]
-                lower = (1.0 - b) * picture[below, j, c] + b * picture[below, right, c]
-                sums[pixel, c] += (1.0 - a) * upper + a * lower
+            m = np.int64(np.uint32(3 * (i * columns + j)))
+            here, beneath, corner = (1.0 - a) * (1.0 - b), a * (1.0 - b), a * b
+            across = (1.0 - a) * b
+            red += here * picture[m] + across * picture[m + right] \
+                + beneath * picture[m + below] + corner * picture[m + below + right]
+            green += here * picture[m + 1] + across * picture[m + right + 1] \
+                + beneath * picture[m + below + 1] + corner * picture[m + below + right + 1]
+            blue += here * picture[m + 2] + across * picture[m + right + 2] \
+                + beneath * picture[m + below + 2] + corner * picture[m + below + right + 2]
+        sums[pixel, 0] += red
+        sums[pixel, 1] += green
+        sums[pixel, 2] += blue
 
 
 def load_picture(image: str | Path) -> Picture:

@@ -1,0 +1,105 @@
+"""Rays and a trimmed plane, sphere or cylinder in, where each ray meets it in closed form out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.quadric import Quadric
+from raytrace.newton import NEAREST_MM
+from raytrace.trimming import Trimming
+
+Array = NDArray[np.float64]
+
+POLE = 0.5 * np.pi - 1e-12  # beside the pole by less than any place is known
+
+
+@dataclass(frozen=True, eq=False)
+class TrimmedQuadric:
+    """A quadric inside trimming loops (closed polygons in its (u, v), even-odd), S_u × S_v times `sign` outward.
+
+    one_sided : whether only the outward side reflects.
+    """
+
+    quadric: Quadric
+    loops: tuple[Array, ...]
+    sign: float = 1.0
+    one_sided: bool = True
+
+    @cached_property
+    def trimming(self) -> Trimming:
+        """The loops as the kernels take them."""
+        return Trimming.of(self.loops)
+
+    def outline(self) -> Array:
+        """Points of the loops (n, 3), mm."""
+        return np.concatenate([self.quadric.evaluate(*loop.T) for loop in self.loops])
+
+    def nearest(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
+        """Where rays from origins (n, 3) along unit directions (n, 3) first meet it inside its loops.
+
+        Returns: distances (n,), inf for none; points (n, 3); outward unit normals (n, 3).
+        """
+        distances = np.full(len(directions), np.inf)
+        points, normals = np.empty_like(directions), np.empty_like(directions)
+        o, d = (origins - self.quadric.centre) @ self.quadric.axes.T, directions @ self.quadric.axes.T
+        for t in _roots(self.quadric, o, d):
+            # A NaN, a ray without this root, passes no comparison.
+            index = np.flatnonzero((t > NEAREST_MM) & (t < distances))
+            place = o[index] + t[index, None] * d[index]
+            place, normal, u, v = _on(self.quadric, place)
+            if self.quadric.kind != "plane":  # the turn of u that the loops are in
+                u = self.trimming.box[0] + np.mod(u - self.trimming.box[0], 2.0 * np.pi)
+            if self.quadric.kind == "sphere":  # the even-odd rule leaves out the upper edge, but a pole is no edge
+                v = np.minimum(v, POLE)
+            inside = self.trimming.contains(u, v)
+            index = index[inside]
+            distances[index] = t[index]
+            points[index] = self.quadric.centre + place[inside] @ self.quadric.axes
+            normals[index] = self.sign * np.linalg.det(self.quadric.axes) * normal[inside] @ self.quadric.axes
+        return distances, points, normals
+
+
+def _roots(quadric: Quadric, o: Array, d: Array) -> tuple[Array, ...]:
+    """Distances along the ray at which it meets the whole quadric, nearer first, NaN for none; in the quadric's frame.
+
+    For sphere and cylinder the discriminant is taken from the ray's distance q to the centre or axis, (R − q)(R + q): as
+    the square of a root's difference it would lose half of the digits where the ray grazes.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if quadric.kind == "plane":
+            return (np.where(d[:, 2] != 0.0, -o[:, 2] / d[:, 2], np.nan),)
+        columns = slice(0, 3 if quadric.kind == "sphere" else 2)
+        o, d = o[:, columns], d[:, columns]
+        squared = np.einsum("ij,ij->i", d, d)
+        middle = -np.einsum("ij,ij->i", o, d) / squared
+        foot = np.linalg.norm(o + middle[:, None] * d, axis=1)
+        half = np.sqrt((quadric.radius_mm - foot) * (quadric.radius_mm + foot) / squared)
+        start = np.linalg.norm(o, axis=1)
+        product = (start - quadric.radius_mm) * (start + quadric.radius_mm) / squared
+        # The root nearer to zero from the product of both: as a difference it would lose digits next to the surface.
+        far = np.where(middle >= 0.0, middle + half, middle - half)
+        near = np.where(far != 0.0, product / far, 0.0)
+    return np.fmin(near, far), np.fmax(near, far)
+
+
+def _on(quadric: Quadric, place: Array) -> tuple[Array, Array, Array, Array]:
+    """Places (n, 3) that lie on it but for rounding: brought onto it; normals away from its centre; u; v."""
+    x, y, z = place.T
+    if quadric.kind == "plane":
+        normal = np.zeros_like(place)
+        normal[:, 2] = 1.0
+        return np.stack([x, y, np.zeros_like(z)], axis=1), normal, x, y
+    outward = place.copy()
+    if quadric.kind == "cylinder":
+        outward[:, 2] = 0.0
+    normal = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    on = quadric.radius_mm * normal
+    u = np.arctan2(y, x)
+    if quadric.kind == "cylinder":
+        on[:, 2] = z
+        return on, normal, u, z
+    return on, normal, u, np.arctan2(z, np.hypot(x, y))
