@@ -23,7 +23,7 @@ Box = tuple[float, float, float, float]
 FRAME_MARGIN = 0.05  # of the mirror's width, on every side
 SAMPLES = 4  # a direction, in the pixels that need more than one
 # Difference to a neighbour from which a pixel gets them, in values of 255: a step that a smooth picture may have.
-CONTRAST = 6
+CONTRAST = 10
 BACKGROUND = np.array([246.0, 246.0, 244.0])
 
 
@@ -123,10 +123,14 @@ RAYS_AT_ONCE = 8_192  # a thread's rays, results and colours: a megabyte, which 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba's are
 def _directions(pixels: NDArray[np.intp], columns: int, left: float, top: float, size: float, eye: Array, inner: Array,
                 directions: Array) -> None:
-    """Rays through the samples of pixels, row by row in each."""
+    """Rays through the samples of pixels, which are in rising order, row by row in each."""
     n = 0
+    row = column = before = 0
     for pixel in pixels:
-        row, column = pixel // columns, pixel % columns
+        column += pixel - before
+        if column >= columns:  # a division for each pixel would take as long as the rest
+            row, column = pixel // columns, pixel % columns
+        before = pixel
         for a in inner:
             for b in inner:
                 directions[n, 0] = left + (column + b) * size - eye[0]

@@ -62,7 +62,8 @@ class Trace:
 
     def counts(self) -> dict[str, int]:
         """How many rays have each status, by name; statuses that none has are left out."""
-        return {status.name.lower(): int(count) for status in Status if (count := np.count_nonzero(self.status == status))}
+        found = np.bincount(self.status, minlength=len(Status))
+        return {status.name.lower(): int(found[status]) for status in Status if found[status]}
 
     def check_room(self, n: int) -> None:
         """Raise TraceError where the results of n rays do not fit."""

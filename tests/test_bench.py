@@ -199,7 +199,7 @@ def test_command_writes_a_whole_set(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_unknown_part_is_refused_with_the_nearest_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                        capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(["bench", "--part", "integrators", "tesselation", "--part", "zzz"]) == BAD_INPUT
+    assert run(["bench", "--part", "integrators", "--part", "tesselation", "--part", "zzz"]) == BAD_INPUT
     message = capsys.readouterr().err
     assert "--part tesselation" in message
     assert "did you mean 'tessellation'?" in message

@@ -1,0 +1,99 @@
+"""The picture loop: what it shows, where it spends its rays, and that it can be stopped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mirror_cad
+import raytrace
+from mirror_studio.setting import Setting
+from raytrace import parallel
+from raytrace.image import BACKGROUND, Frame, driver_view
+from raytrace.scene.reference import ReferencePlane, load_picture
+from tests.conftest import constant, designed, spec_of
+
+
+def scene_of(name: str) -> tuple[raytrace.Reflector, np.ndarray, ReferencePlane, Frame]:
+    mirror = designed(name)
+    setting = Setting.of(mirror.spec, mirror.box)
+    return (raytrace.Reflector.from_mirror(mirror), setting.eye, setting.scene(load_picture("road"), mirror.spec),
+            Frame.around(mirror.box, 480))
+
+
+def test_rays_go_where_the_picture_needs_them() -> None:
+    reflector, eye, scene, frame = scene_of("progressive-c")
+    view, rays = driver_view(reflector, eye, scene, frame)
+    fine, _ = driver_view(reflector, eye, replace(scene), frame, samples=4)
+    assert np.array_equal(view, fine)  # 4 is the default
+    reference = sampled_everywhere(reflector, eye, scene, frame, 8)
+    off = np.abs(view.astype(int) - reference).max(axis=2) > 8
+    assert off.mean() < 0.004  # 16 rays everywhere leave as many; 4 everywhere twice as many
+    assert sum(rays.values()) < 5.0 * frame.rows * frame.columns
+
+
+def sampled_everywhere(reflector: raytrace.Reflector, eye: np.ndarray, scene: ReferencePlane, frame: Frame,
+                       samples: int) -> np.ndarray:
+    """The mean of plain pictures, each shifted by part of a pixel."""
+    total = np.zeros((frame.rows, frame.columns, 3))
+    for i in range(samples):
+        for j in range(samples):
+            shifted = replace(frame, left=frame.left + ((j + 0.5) / samples - 0.5) * frame.pixel,
+                              top=frame.top - ((i + 0.5) / samples - 0.5) * frame.pixel)
+            total += driver_view(reflector, eye, scene, shifted, samples=1)[0]
+    return total / samples**2
+
+
+def test_picture_does_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    reflector, eye, scene, frame = scene_of("progressive-a")
+    two, counts = driver_view(reflector, eye, scene, frame)
+    monkeypatch.setattr(parallel, "THREADS", 1)
+    monkeypatch.setattr(parallel, "_pools", [])
+    one, again = driver_view(reflector, eye, scene, frame)
+    assert np.array_equal(one, two)
+    assert counts == again
+
+
+def test_progress_rises_to_one_and_stops_the_work_when_it_raises() -> None:
+    reflector, eye, scene, frame = scene_of("progressive-a")
+    shares: list[float] = []
+    driver_view(reflector, eye, scene, frame, shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert len(shares) > 10
+
+    class EnoughError(Exception):
+        pass
+
+    def stop(share: float) -> None:
+        if share > 0.1:
+            raise EnoughError
+
+    with pytest.raises(EnoughError):
+        driver_view(reflector, eye, scene, frame, stop)
+    view, _ = driver_view(reflector, eye, scene, frame, samples=1)  # the threads are free again
+    assert np.array_equal(view[0, 0], np.rint(BACKGROUND))
+
+
+def test_a_pixel_of_a_flat_mirror_shows_the_picture_where_it_lies() -> None:
+    """Closed form: a plane mirror shows the plane behind the eye as from the eye's image, at the element (row, column)."""
+    mirror = mirror_cad.design(spec_of(constant(np.inf), constant(np.inf)))
+    setting = Setting.of(mirror.spec, mirror.box)
+    picture = np.zeros((90, 160, 3), dtype=np.uint8)
+    picture[..., 0] = np.arange(160)[None, :]
+    picture[..., 1] = np.arange(90)[:, None] * 2
+    scene = ReferencePlane(picture, setting.plane_z_mm, 4000.0, (0.0, 0.0))
+    frame = Frame.around(mirror.box, 300)
+    view, _ = driver_view(raytrace.Reflector.from_mirror(mirror), setting.eye, scene, frame, samples=1)
+    eye = setting.eye
+    for row, column in ((200, 150), (150, 120), (230, 180)):
+        x, y = frame.place(np.array(column + 0.5), np.array(row + 0.5))
+        # The ray goes on from (x, y, 0) as it came, but for the sign of z.
+        scale = setting.plane_z_mm / eye[2]
+        across, up = x + (x - eye[0]) * scale, y + (y - eye[1]) * scale
+        wanted_column = (2000.0 - across) * 160 / 4000.0 - 0.5
+        wanted_row = (4000.0 * 90 / 160 / 2 - up) * 160 / 4000.0 - 0.5
+        assert view[row, column, 0] == pytest.approx(np.clip(wanted_column, 0, 159), abs=0.51)
+        assert view[row, column, 1] == pytest.approx(2 * np.clip(wanted_row, 0, 89), abs=0.51)
