@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -58,15 +59,21 @@ def paper(*, out: Out = None, json: Json = False) -> int:
 
 
 @app.command
-def trace(file: Path, /, *, scene: str | None = None, out: Out = None, json: Json = False) -> int:
-    """Trace what the driver sees in a STEP face or an STL mesh.
+def trace(file: Path, /, *, scene: str | None = None, face: str | None = None,
+          normals: Literal["facets", "interpolated"] = "facets", out: Out = None, json: Json = False) -> int:
+    """Trace what the driver sees in a STEP face or a mesh.
 
     Parameters
     ----------
     file
-        A .step, .stp or .stl file in mirror coordinates, mm.
+        A .step, .stp, .stl, .obj, .ply, .off, .gltf, .glb or .3mf file in mirror coordinates, mm.
     scene
-        A specification or preset that lends [eye], [scene] and [view]; the defaults without it.
+        A specification or preset that lends [eye], [scene], [view] and the index of [glass]; the defaults without it.
+    face
+        What reflects in a STEP file: a face's name, its number (1 is the first), or its colour as #rrggbb. Without it the
+        "optical face", or all faces where none is named so.
+    normals
+        Of a mesh: those of its facets, or interpolated between its vertices.
     """
     from mirror_cad.spec_file import load_spec
     from mirror_studio.progress import Progress
@@ -74,8 +81,17 @@ def trace(file: Path, /, *, scene: str | None = None, out: Out = None, json: Jso
     lent = load_spec(scene or "progressive-c")
     from mirror_studio.pipeline import trace_file
 
-    metrics = trace_file(file, lent, out or Path("exports") / f"{file.stem}-trace", Progress())
+    metrics = trace_file(file, lent, out or Path("exports") / f"{file.stem}-trace", Progress(), _chosen_face(face), normals)
     return _finish(metrics, (), json)
+
+
+def _chosen_face(text: str | None) -> str | int | tuple[int, int, int] | None:
+    """A number, a colour #rrggbb, or a name."""
+    if text is not None and text.isdecimal():
+        return int(text)
+    if text is not None and re.fullmatch("#[0-9a-fA-F]{6}", text):
+        return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
+    return text
 
 
 @app.command

@@ -6,7 +6,7 @@ import hashlib
 import io
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
 from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.reflector import Reflector, TrimmedSurface, load_reflector, reflector_of
+from raytrace.reflector import Colour, Normals, Reflector, TrimmedSurface, load_reflector, reflector_of
 from raytrace.scene.reference import Picture, load_picture
 from raytrace.trace import Status, reflect
 
@@ -98,7 +98,9 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     traced = traced_fields_of_view(sheets or read_back, eye, mirror.box, mirror.left_height_mm)
     progress.step(f"{name}: decoupled and faithful surface side by side")
     methods = compare_methods(mirror)
-    facets = reflected_difference(_facets(stl, mirror), _bare(reflector), eye, scene.z_mm, mirror.box)
+    mesh = _facets(stl, mirror)
+    facets, smooth = (reflected_difference(each, _bare(reflector), eye, scene.z_mm, mirror.box)
+                      for each in (mesh, replace(mesh, normals="interpolated")))
     metrics = {
         "h_fov_deg": {"section": math.degrees(section[0]), "traced": _degrees(traced[0])},
         "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _degrees(traced[1])},
@@ -106,6 +108,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
             "traced": lane_straightness(sheets or read_back, eye, lane, mirror.box),
             "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, mirror.box)},
         "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
+        "stl_interpolated_on_plane_mm": {"max": smooth.plane_max_mm, "rms": smooth.plane_rms_mm, "rays": smooth.rays},
         "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
         "methods": methods,
         "rays": rays,
@@ -129,14 +132,16 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     return Built(mirror, deviation, metrics, _missed(mirror, deviation))
 
 
-def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> dict[str, Any]:
-    """Trace a STEP or STL file with the spec's eye, scene and view; returns what metrics.json holds.
+def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
+               normals: Normals = "facets") -> dict[str, Any]:
+    """Trace a STEP or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
 
-    A STEP file with a front face before its optical face is traced through glass of the spec's index.
+    face, normals : as for `load_reflector`. A STEP file with a front face before its optical face is traced through glass of
+    the spec's index.
     """
     picture = load_picture(spec.scene.image)
     progress.step(f"{path.name}: reading")
-    reflector = load_reflector(path, index=spec.glass.index)
+    reflector = load_reflector(path, face, normals, spec.glass.index)
     box = _front_box(reflector)
     setting = Setting.of(spec, box)
     eye, lane = setting.eye, setting.lane
@@ -150,7 +155,8 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress) -> d
             "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
             "lane_straightness_percent": {
                 "traced": None, "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, box)},
-            "rays": rays, "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
+            "rays": rays, "normals_from": "surface" if reflector.mesh is None else reflector.normals,
+            "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
         only, sheets = reflector.only, _sheets(reflector)
         if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
             metrics["lane_straightness_percent"]["traced"] = lane_straightness(

@@ -2,10 +2,9 @@
 
 They stand in one file because numba's cache does not notice a change in a compiled function of another module. Each takes
 a run of rays on one thread and gives up the interpreter lock; `raytrace.parallel` hands out the runs. Arrays of vectors
-come flat (x, y, z, x, …): numba then knows that they are contiguous. The two fast kernels are compiled without reference
-counts (_nrt): these took a seventh of the time, and need working arrays from outside. What they call is inlined, so that
-`powers` is a constant in it, and stands at the top of the module: numba's cache does not find kernels that close over
-compiled functions.
+come flat (x, y, z, x, …): numba then knows that they are contiguous. The kernels are compiled without reference counts (_nrt),
+which took a third of the time, and need their working arrays from outside. What needs `powers` as a constant is inlined,
+and stands at the top of the module: numba's cache does not find kernels that close over compiled functions.
 """
 
 from __future__ import annotations
@@ -41,19 +40,19 @@ P, K = BLOCK * 33, BLOCK * 45
 PARAMETRIC_ROWS = 57
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _at(index):
     """The same index, known not to be negative: numba then does not look for one that counts from the end, and the loop
     becomes vector instructions. (A slice would do the same, at the price of two atomic reference counts.)"""
     return np.int64(np.uint32(index))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _clamp(x, low, high):
     return min(max(x, low), high)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _box(w, first, second):
     """Smallest and largest value of two rows, halved and halved again: a plain reduction would go one by one.
 
@@ -73,16 +72,18 @@ def _box(w, first, second):
     return a_low, a_high, b_low, b_high
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _span(value, ends, lookup):
     """Index of the span that holds a value between ends[0] and ends[-2]; the last span holds its end too."""
     bins = lookup.size / (ends[-2] - ends[0])
     # Clamped from below too: a NaN becomes the most negative integer.
     k = lookup[max(min(int((value - ends[0]) * bins), lookup.size - 1), 0)]
-    return min(k + int(value >= ends[k + 1]), ends.size - 3)
+    while value >= ends[k + 1] and k < ends.size - 3:
+        k += 1
+    return k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _inside(first, edges, low, inverse_height, u, v):
     """Even-odd rule on the trimming polygon; its edges are sorted into strips of v."""
     strip = int((v - low) * inverse_height)
@@ -103,7 +104,7 @@ def inside(first, edges, low, inverse_height, u, v, answer):
         answer[n] = _inside(first, edges, low, inverse_height, u[n], v[n])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _surely_inside(sure, low, inverse_height, u_low, u_high, v_low, v_high):
     """Whether a whole box lies in the part of its strips that no edge enters."""
     if not v_low > low:
@@ -134,10 +135,14 @@ def sure_parts(first, edges, low, inverse_height, sure):
             ua = u0 + (a - v0) * (u1 - u0) / (v1 - v0) if v1 > v0 else u0
             ub = u0 + (b - v0) * (u1 - u0) / (v1 - v0) if v1 > v0 else u1
             left[n], right[n] = min(ua, ub), max(ua, ub)
-        order = np.argsort(left)
+        for n in range(1, count):  # sorted by insertion: there are a handful
+            for k in range(n, 0, -1):
+                if left[k] >= left[k - 1]:
+                    break
+                left[k], left[k - 1], right[k], right[k - 1] = left[k - 1], left[k], right[k - 1], right[k]
         reach = -np.inf
         middle = 0.5 * (bottom + top)
-        for n in order:
+        for n in range(count):
             gap = left[n] - reach
             if gap > max(sure[strip, 1] - sure[strip, 0], 0.0) and reach > -np.inf \
                     and _inside(first, edges, low, inverse_height, 0.5 * (reach + left[n]), middle):
@@ -145,7 +150,7 @@ def sure_parts(first, edges, low, inverse_height, sure):
             reach = max(reach, right[n])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _unit(directions, n, w, m):
     """Ray n to unit length into lane m, whatever its length; False where it has no direction."""
     x, y, z = directions[3 * n], directions[3 * n + 1], directions[3 * n + 2]
@@ -160,7 +165,7 @@ def _unit(directions, n, w, m):
     return True
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _load(origins, directions, start, count, w):
     """Rays start … start + count into the first lanes; the lanes after them repeat the last ray.
 
@@ -193,7 +198,7 @@ def _load(origins, directions, start, count, w):
     return odd
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _straighten(origins, directions, start, count, w, state):
     """The lanes of a block in which some ray is odd: state HIT for those with a direction, INVALID for the others, which
     are given one."""
@@ -208,7 +213,7 @@ def _straighten(origins, directions, start, count, w, state):
             w[DZ + m] = -1.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _reflect(w):
     """r = d − 2(d·n)n."""
     for m in range(BLOCK):
@@ -218,7 +223,7 @@ def _reflect(w):
         w[RZ + m] = w[DZ + m] - twice * w[NZ + m]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _store_all(w, start, status, points, normals, reflected, distances):
     """A block of which every ray hits."""
     k, n = _at(3 * start), _at(start)
@@ -233,7 +238,7 @@ def _store_all(w, start, status, points, normals, reflected, distances):
         status[n + m] = HIT
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _store(w, state, start, count, status, points, normals, reflected, distances):
     """A block ray by ray: NaN in every result of a ray that does not hit, but the distance of one from behind."""
     for m in range(count):
@@ -348,7 +353,7 @@ def _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup
                 w[OY + c] + t * w[DY + c], q)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
 def _from_paraboloid(w, q):
     """Take every ray to the paraboloid q: by its tangent plane, then twice with the same slope."""
     z0, zx, zy, zxx, zxy, zyy, x, y = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
@@ -364,7 +369,7 @@ def _from_paraboloid(w, q):
         w[X + m], w[Y + m] = w[OX + m] + t * dx, w[OY + m] + t * dy
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
 def _from_above(top, w):
     """Take every ray to the plane above the sheet."""
     for m in range(BLOCK):
@@ -508,13 +513,11 @@ def _height_field_kernel(powers):
                     state[m] = OUTSIDE
             _store(w, state, start, count, status, points, normals, reflected, distances)
 
-    @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-    def first_hits(flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, bottom, top, bend, one_sided, first, edges,
+    @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
+    def first_hits(w, q, state, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, bottom, top, bend,
+                   one_sided, first, edges,
                    low, inverse_height,
                    origins, directions, status, points, normals, reflected, distances):
-        w = np.zeros(HEIGHT_FIELD_ROWS * BLOCK)
-        q = np.zeros(8)
-        state = np.zeros(BLOCK, dtype=np.int8)
         for n in range(directions.size // 3):
             k = 0 if origins.size == 3 else 3 * n
             ox, oy, oz = origins[k], origins[k + 1], origins[k + 2]
@@ -577,6 +580,10 @@ PADDED_POWERS = (4, 6, 8, 10)
 _HEIGHT_FIELD = {powers: _height_field_kernel(powers) for powers in PADDED_POWERS}
 
 
+def _working_arrays():
+    return np.zeros(HEIGHT_FIELD_ROWS * BLOCK), np.zeros(8), np.zeros(BLOCK, dtype=np.int8)
+
+
 def height_field_hits(powers, *arguments):
     """Newton on f(t) = o_z + t·d_z − z(o_x + t·d_x, o_y + t·d_y), BLOCK rays at once.
 
@@ -587,7 +594,7 @@ def height_field_hits(powers, *arguments):
     Rays that do not come down steeply enough to meet the sheet only once (d_z² > steepest·(d_x² + d_y²)), do not
     converge, arrive from below or start beneath it are LOST: the general search takes them.
     """
-    _HEIGHT_FIELD[powers][0](np.zeros(HEIGHT_FIELD_ROWS * BLOCK), np.zeros(8), np.zeros(BLOCK, dtype=np.int8), *arguments)
+    _HEIGHT_FIELD[powers][0](*_working_arrays(), *arguments)
 
 
 def height_field_first_hits(powers, *arguments):
@@ -596,7 +603,7 @@ def height_field_first_hits(powers, *arguments):
     With |f''| ≤ bend·(d_x² + d_y²) there is no root of f before t + s, where |f| + f'·s − bend·(d_x² + d_y²)·s²/2 = 0: steps
     of that length run to the first root and cannot pass it, one ray at a time.
     """
-    _HEIGHT_FIELD[powers][1](*arguments)
+    _HEIGHT_FIELD[powers][1](*_working_arrays(), *arguments)
 
 
 # --- parametric surfaces ----------------------------------------------------------------------------------------------

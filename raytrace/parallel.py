@@ -20,7 +20,8 @@ def in_runs(work: Callable[[int, int], None], n: int, run: int = RUN, done: Call
     done : called with the number of rays that are done, from the caller's thread. What it or a run raises is raised here,
     after the runs that have begun: those that have not are dropped.
     """
-    size = min(run, max(LEAST_RUN, -(-n // THREADS)))
+    rounds = -(-n // (THREADS * run))  # as many runs for each core
+    size = max(1, min(run, max(LEAST_RUN, -(-n // (THREADS * rounds))))) if n else 1
     starts = range(0, n, size)
     if len(starts) <= 1 or threading.current_thread().name.startswith(PREFIX):
         for start in starts:

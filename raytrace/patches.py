@@ -32,7 +32,7 @@ class HeightField:
 
     powers : degree + 1 in both directions, padded with zeros.   coefficients : flat, of (x spans, y spans, powers, powers).
     ends_x, ends_y : ends of the spans, then inf.   middle_x, middle_y : of the spans.   lookup_x, lookup_y : the span at the
-    start of each of many uniform bins, none of which holds two ends.   top, bottom : above and below all of it.
+    start of each of many uniform bins.   top, bottom : above and below all of it.
     steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²); 0 for a cap (z is concave), which any ray
     from above meets first where Newton finds it.   bend : bound on the second derivative in any direction, 1/mm.
     """
@@ -95,7 +95,7 @@ class Patches:
 
     @staticmethod
     def of(surface: BSplineSurface) -> Patches | None:
-        """None where the degree is above 9 or a span is too narrow for a table."""
+        """None where the degree is above 9."""
         centre = 0.5 * (surface.poles.min(axis=(0, 1)) + surface.poles.max(axis=(0, 1)))
         poles = surface.poles - centre
         extent = float(np.abs(poles).max())
@@ -124,7 +124,7 @@ def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, A
     powers = next((n for n in PADDED_POWERS if n >= max(coefficients.shape[3:])), None)
     cuts = _cuts(surface.knots_u, surface.degree_u), _cuts(surface.knots_v, surface.degree_v)
     lookup_u, lookup_v = _lookup(cuts[0]), _lookup(cuts[1])
-    if powers is None or lookup_u is None or lookup_v is None:
+    if powers is None:
         return None
     pad = [(0, 0), (0, 0), (0, 0), *((powers - n, 0) for n in coefficients.shape[3:])]
     ends_u, ends_v = (np.append(ends, np.inf) for ends in cuts)
@@ -173,11 +173,9 @@ def _de_boor(knots: Array, poles: Array, degree: int, spans: NDArray[np.intp], t
     return local[degree]
 
 
-def _lookup(ends: Array) -> Index | None:
-    """The span that holds the start of each bin; None where spans are too narrow for a table of bins."""
-    bins = int(np.ceil((ends[-1] - ends[0]) / np.diff(ends).min() * 1.001)) + 1
-    if bins > MOST_BINS:
-        return None
+def _lookup(ends: Array) -> Index:
+    """The span that holds the start of each bin, none of which holds two ends unless spans are very narrow."""
+    bins = min(int(np.ceil((ends[-1] - ends[0]) / np.diff(ends).min() * 1.001)) + 1, MOST_BINS)
     starts = ends[0] + (ends[-1] - ends[0]) * np.arange(bins) / bins
     return np.clip(np.searchsorted(ends, starts, side="right") - 1, 0, len(ends) - 2).astype(np.int32)
 

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 Normals = Literal["facets", "interpolated"]
+Colour = tuple[int, int, int]
 
 OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"
@@ -59,12 +60,11 @@ class TrimmedSurface:
 
     @cached_property
     def patches(self) -> Patches:
-        """The surface as polynomials. Raises: TraceError for a degree or knots that the kernels do not take."""
+        """The surface as polynomials. Raises: TraceError for a degree that the kernels do not take."""
         found = Patches.of(self.surface)
         if found is None:
-            raise TraceError(f"a face's B-spline, of degree {self.surface.degree_u} × {self.surface.degree_v} on "
-                             f"{len(self.surface.knots_u)} × {len(self.surface.knots_v)} knots, is not traced: its degree must "
-                             "be 9 at most, and no span a hundred thousand times shorter than the whole")
+            raise TraceError(f"a face's B-spline has degree {self.surface.degree_u} × {self.surface.degree_v}: degrees up to 9 "
+                             "are traced")
         return found
 
     def outline(self) -> Array:
@@ -183,15 +183,19 @@ class Reflector:
         return np.concatenate([surface.outline() for surface in self.surfaces])
 
 
-def load_reflector(path: str | Path, normals: Normals = "facets", index: float = GLASS_INDEX) -> Reflector:
+def load_reflector(path: str | Path, face: str | int | Colour | None = None, normals: Normals = "facets",
+                   index: float = GLASS_INDEX) -> Reflector:
     """Read a reflector from a STEP file (.step, .stp) or a mesh (.stl, .obj, .ply, .off, .gltf, .glb, .3mf).
 
     In a STEP file the faces named "optical face" reflect, on their outer side, and every other face is an obstacle;
-    without such a name every face reflects, on both sides. With a "front face" beside the optical one, light goes through
+    without such a name every face reflects, on both sides. `face` chooses otherwise: the faces of another name, the face of a
+    number (1 is the first of the file), or the faces of a colour (red, green, blue, 0 to 255); these reflect on both sides,
+    and the others are obstacles. With a "front face" beside the optical one, light goes through
     glass of refractive index `index`. Planes, spheres and cylinders are traced as such, other surfaces as the B-splines
     that they are or that are the same surface. A mesh reflects on both sides, from its facets or, with
     normals = "interpolated", as the smooth surface its vertices lie on.
-    Raises: FileError for a file that cannot be read or holds no face; TraceError for another kind of file.
+    Raises: FileError for a file that cannot be read or holds no face; TraceError for another kind of file, or where no face
+    is the chosen one.
     """
     path = Path(path)
     kind = path.suffix.lower()
@@ -200,7 +204,10 @@ def load_reflector(path: str | Path, normals: Normals = "facets", index: float =
     if kind in (".step", ".stp"):
         from mirror_cad.occt.step import read_step
 
-        return reflector_of(read_step(path), index)
+        file = read_step(path)
+        return reflector_of(file, index) if face is None else _chosen(file, path, face)
+    if face is not None:
+        raise TraceError(f"{path}: a mesh has no faces to choose from; face = {face!r} is for STEP files")
     if kind == ".stl":
         from mirror_cad.occt.tessellate import read_stl
 
@@ -234,6 +241,31 @@ def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
     # The reflecting side of the back is that of the glass, the file's inner one.
     back = replace(surfaces[0], sign=-surfaces[0].sign)
     return Reflector((back,), obstacles=_joined(obstacles), glass=Glass(_trimmed(fronts[0], one_sided=True), index))
+
+
+def _chosen(file: StepFile, path: Path, face: str | int | Colour) -> Reflector:
+    """The reflector in which the faces of a name, a number or a colour reflect."""
+    from mirror_cad.occt.tessellate import face_mesh, triangulate
+
+    if isinstance(face, str):
+        wanted = [k for k, each in enumerate(file.faces) if each.name == face]
+        there = "names: " + (", ".join(sorted({repr(each.name) for each in file.faces if each.name})) or "none")
+    elif isinstance(face, int):
+        wanted = [face - 1] if 1 <= face <= len(file.faces) else []
+        there = f"numbers: 1 to {len(file.faces)}"
+    else:
+        from mirror_cad.occt.step import face_colours
+
+        colours = face_colours(path)
+        wanted = [k for k, colour in enumerate(colours) if colour == tuple(face)]
+        there = "colours: " + (", ".join(str(colour) for colour in sorted({c for c in colours if c is not None})) or "none")
+    if not wanted:
+        raise TraceError(f"{path}: no face is {face!r}; the file has {there}")
+    obstacles = []
+    for each in (each for k, each in enumerate(file.faces) if k not in wanted):
+        triangulate(each.raw, OBSTACLE_DEFLECTION_MM, straight=True)
+        obstacles.append(face_mesh(each.raw))
+    return Reflector(tuple(_trimmed(file.faces[k], one_sided=False) for k in wanted), obstacles=_joined(obstacles))
 
 
 def _trimmed(face: StepFace, one_sided: bool) -> TrimmedSurface | TrimmedQuadric:

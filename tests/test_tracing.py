@@ -345,3 +345,81 @@ def test_faces_of_another_program_agree_with_the_kernel(tmp_path: Path) -> None:
         rays = np.stack([rng.uniform(-120, 120, 300), rng.uniform(-120, 120, 300), np.zeros(300)], axis=1) - eye
         trace = raytrace.reflect(raytrace.load_reflector(path), eye, rays)
         agree_with_the_kernel(path, trace, eye, rays)
+
+
+# --- which face reflects ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def painted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A block whose top is named and whose colour is another than its own."""
+    from build123d import Box
+
+    from mirror_cad.occt.step import OPTICAL_FACE, Part, write_step
+
+    block = Box(100, 80, 10)
+    path = tmp_path_factory.mktemp("painted") / "block.step"
+    top = block.faces().sort_by()[-1].wrapped
+    write_step(path, [Part(block.wrapped, "block", (1.0, 0.0, 0.0), {OPTICAL_FACE: top})], "block")
+    return path
+
+
+def test_a_face_is_chosen_by_name_number_or_colour(painted: Path) -> None:
+    from mirror_cad.occt.step import OPTICAL_COLOUR, face_colours, read_step
+
+    names = [face.name for face in read_step(painted).faces]
+    number = names.index("optical face") + 1
+    colours = face_colours(painted)
+    assert colours[number - 1] == tuple(round(255 * c) for c in OPTICAL_COLOUR)
+    assert {c for k, c in enumerate(colours) if k != number - 1} == {(255, 0, 0)}
+    down = np.array([[0.0, 0.0, -1.0]])
+    for face in (None, "optical face", number, colours[number - 1]):
+        reflector = raytrace.load_reflector(painted, face)
+        assert len(reflector.surfaces) == 1
+        assert raytrace.reflect(reflector, np.array([10.0, 5.0, 50.0]), down).points[0, 2] == pytest.approx(5.0, abs=1e-12)
+    sides = raytrace.load_reflector(painted, (255, 0, 0))
+    assert len(sides.surfaces) == 5
+    assert raytrace.reflect(sides, np.array([10.0, 5.0, 50.0]), down).status.tolist() == [Status.BLOCKED]
+
+
+def test_a_face_that_is_not_there_is_refused_with_what_is(painted: Path) -> None:
+    for face, named in (("mirror", "'optical face'"), (7, "1 to 6"), (0, "1 to 6"), ((1, 2, 3), r"\(255, 0, 0\)")):
+        with pytest.raises(raytrace.TraceError, match=named):
+            raytrace.load_reflector(painted, face)  # type: ignore[arg-type]
+
+
+# --- hard surfaces ----------------------------------------------------------------------------------------------------
+
+
+def test_nearly_flat_sliver_and_far_surfaces_are_exact() -> None:
+    flat = mirror_cad.design(spec_of(constant(1e9), constant(1e9)))
+    rng = np.random.default_rng(12)
+    targets = np.stack([rng.uniform(-90, 90, 800), rng.uniform(-90, 90, 800), np.zeros(800)], axis=1)
+    trace = raytrace.reflect(raytrace.Reflector.from_mirror(flat), EYE, targets - EYE)
+    _, expected, _ = reflected(flat.surface, EYE, targets - EYE, trace.points[:, 0], trace.points[:, 1])
+    assert np.linalg.norm((trace.directions - expected).astype(np.float64), axis=1).max() * ARCSEC <= 1e-9
+
+    # A knot inserted a micrometre beside another: the same surface, with a row of sliver cells.
+    own = designed("progressive-c").surface
+    from scipy.interpolate import insert
+
+    at = float(np.unique(own.knots_u)[5]) + 1e-3
+    knots, poles = own.knots_u, own.poles
+    columns = []
+    for part in range(3):
+        for j in range(poles.shape[1]):
+            padded = np.concatenate([poles[:, j, part], np.zeros(own.degree_u + 1)])
+            new_knots, new, _ = insert(at, (knots, padded, own.degree_u))
+            columns.append(new[:poles.shape[0] + 1])
+    sliver = BSplineSurface(own.degree_u, own.degree_v, new_knots, own.knots_v,
+                            np.stack(columns).reshape(3, poles.shape[1], -1).transpose(2, 1, 0).copy())
+    square = np.array([[-100.0, -100], [100, -100], [100, 100], [-100, 100]])
+    for shift in (np.zeros(3), np.array([1.5e6, -2e6, 4e5])):
+        moved = BSplineSurface(own.degree_u, own.degree_v, sliver.knots_u, sliver.knots_v, sliver.poles + shift)
+        trace = raytrace.reflect(raytrace.Reflector((TrimmedSurface(moved, (square,)),)), EYE + shift, targets - EYE)
+        assert trace.counts() == {"reflected": 800}
+        _, expected, _ = reflected(moved, EYE + shift, targets - EYE, trace.points[:, 0] - shift[0],
+                                   trace.points[:, 1] - shift[1])
+        error = np.linalg.norm((trace.directions - expected).astype(np.float64), axis=1).max() * ARCSEC
+        # 2 km from the origin poles are rounded to 2e-10 mm, which makes the sliver's polynomials rough, with larger terms.
+        assert error <= (1e-8 if shift.any() else 1e-9)

@@ -184,7 +184,7 @@ def _view(mirror: Mirror, metrics: Mapping[str, Any]) -> dict[str, Any]:
         unit, decimals = ("%", 1) if key.endswith("percent") else ("°", 2)
         return [fixed_with_unit(values.get(name), unit, decimals) for name in names]
 
-    plane = metrics.get("stl_on_plane_mm") or {}
+    plane, smooth = metrics.get("stl_on_plane_mm") or {}, metrics.get("stl_interpolated_on_plane_mm") or {}
     rays = metrics.get("rays") or {}
     return {
         "horizontal": pair("h_fov_deg", ("section", "traced")),
@@ -193,6 +193,7 @@ def _view(mirror: Mirror, metrics: Mapping[str, Any]) -> dict[str, Any]:
         "lane_y": lane_in_words(mirror.spec.scene.lane.model_dump()), "plane_mm": plain(mirror.spec.scene.distance_mm),
         "left_half_mm": plain(round(0.5 * mirror.left_height_mm, 1)),
         "stl": {"max": with_unit(plane.get("max"), "mm"), "rms": with_unit(plane.get("rms"), "mm"),
+                "smooth_max": with_unit(smooth.get("max"), "mm"), "smooth_rms": with_unit(smooth.get("rms"), "mm"),
                 "rays": count(plane.get("rays"))} if plane.get("max") is not None else None,
         "glass": _glass(metrics.get("glass")),
         "rays": [(name.replace("_", " "), count(value)) for name, value in rays.items() if value is not None],

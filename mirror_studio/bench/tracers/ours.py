@@ -18,7 +18,6 @@ HEIGHT_FIELD, FRESH, SHUFFLED, PARAMETRIC = ("ours", "ours, an origin a ray, fre
                                              "ours, parametric kernel")
 # Parameters are mm times this: a surface with u = x and v = y would go through the height-field kernel.
 PARAMETER_SCALE = 0.01
-MOST_PARAMETRIC = 100_000  # rays: its rate has settled, and a million take seconds a round
 
 
 def tracers(case: Case) -> Iterator[Tracer]:
@@ -27,7 +26,7 @@ def tracers(case: Case) -> Iterator[Tracer]:
     yield Tracer(FRESH, lambda rays: _fresh(case.reflector, rays))
     yield Tracer(SHUFFLED, lambda rays: reused(case.reflector, rays))
     general = parametric(case.mirror)
-    yield Tracer(PARAMETRIC, lambda rays: reused(general, rays), MOST_PARAMETRIC)
+    yield Tracer(PARAMETRIC, lambda rays: reused(general, rays))
 
 
 def reused(reflector: Reflector, rays: Rays) -> Work:
