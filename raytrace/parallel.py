@@ -20,10 +20,12 @@ def in_runs(work: Callable[[int, int], None], n: int, run: int = RUN, done: Call
     done : called with the number of rays that are done, from the caller's thread. What it or a run raises is raised here,
     after the runs that have begun: those that have not are dropped.
     """
-    rounds = -(-n // (THREADS * run))  # as many runs for each core
-    size = max(1, min(run, max(LEAST_RUN, -(-n // (THREADS * rounds))))) if n else 1
+    inside = threading.current_thread().name.startswith(PREFIX)
+    cores = 1 if inside else THREADS
+    rounds = max(1, -(-n // (cores * run)))  # as many runs for each core
+    size = min(run, max(LEAST_RUN, -(-n // (cores * rounds))))
     starts = range(0, n, size)
-    if len(starts) <= 1 or threading.current_thread().name.startswith(PREFIX):
+    if len(starts) <= 1 or inside:
         for start in starts:
             work(start, min(start + size, n))
             if done is not None:
