@@ -19,6 +19,7 @@ from mirror_studio.bench.tracers.case import Rays
 
 CORES = 2  # for every tracer, and threads for those that take a number: what a small machine has
 MOST_ROUNDS, ENOUGH_S = 25, 1.0
+REST_S = 0.02  # before each work: some leave threads that wait for more in a loop, and would take a core from the next
 HOW_TO_INSTALL = "pip install 'mirror-cad[peers]'"
 
 # A run: the whole trace from the arrays that the tracer takes to the directions after reflection, (n, 3) of any float,
@@ -57,7 +58,7 @@ def reflected(directions: NDArray[Any], normals: NDArray[Any]) -> NDArray[Any]:
 
 
 def interleaved_seconds(works: Sequence[Callable[[], Any]]) -> NDArray[np.float64]:
-    """Times (rounds, works): in each round every work once, so that a busy machine slows all alike.
+    """Times (rounds, works): in each round every work once, after a rest, so that a busy machine slows all alike.
 
     measuring.RUNS rounds, and up to MOST_ROUNDS where they take less than ENOUGH_S in all.
     """
@@ -67,6 +68,7 @@ def interleaved_seconds(works: Sequence[Callable[[], Any]]) -> NDArray[np.float6
     while len(rounds) < most and (len(rounds) < max(1, measuring.RUNS) or time.perf_counter() - began < ENOUGH_S):
         rounds.append([])
         for work in works:
+            time.sleep(REST_S)
             start = time.perf_counter()
             work()
             rounds[-1].append(time.perf_counter() - start)
