@@ -23,7 +23,8 @@ INSIDE_SPAN = np.array([0.06, 0.29, 0.5, 0.71, 0.94])
 # Places a direction at which a fit is looked at, at least. Along x the percent has peaks a few millimetres wide where a
 # curvature passes through zero; along y what counts as 100 % does not change.
 DENSEST_X, DENSEST_Y = 150, 30
-# More soft breaks (a table's nodes) than this are left to the refinement: a knot at each would only slow it.
+# More soft breaks (a table's nodes) than this are left to the refinement at first: a knot at each would only slow it, unless
+# the table is so rough that nothing less will do.
 MOST_SOFT_BREAKS = 64
 # Two breaks within this share of the width (0.003 mm on a mirror) are one: on a span between them the rounding of z, some
 # 50·ε·|z|/h², would be more than 0.01 % of the curvature.
@@ -126,14 +127,22 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
         higher = _refine(task, DEGREE_THEN, spans)
         if higher.met or higher.position_error_mm < fit.position_error_mm:
             fit = higher
+    if spans == "auto" and not fit.met and MOST_SOFT_BREAKS < len(task.breaks) <= MOST_SPANS:
+        every = _refine(task, first, spans, MOST_SPANS)
+        if every.met or every.curvature_error_percent < fit.curvature_error_percent:
+            fit = every
     return replace(fit, seconds=time.perf_counter() - start)
 
 
-def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degree: int, count: int) -> Array:
-    """`count` spans between low and high, shared out over the stretches between breaks by their length."""
+def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degree: int, count: int,
+              most_soft: int = MOST_SOFT_BREAKS) -> Array:
+    """`count` spans between low and high, shared out over the stretches between breaks by their length.
+
+    Where there are more than `most_soft` breaks, those of a table's nodes get no knots.
+    """
     nearest = NEAREST_BREAKS * (high - low)
     hard = [(x, order) for x, order in breaks if order < degree and low + nearest < x < high - nearest]
-    if len(hard) > MOST_SOFT_BREAKS:
+    if len(hard) > most_soft:
         hard = [(x, order) for x, order in hard if order < 4]
     corners = [low, *(x for x, _ in hard), high]
     lengths = np.diff(corners)
@@ -144,10 +153,10 @@ def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degr
     return np.concatenate([*parts, [high]])
 
 
-def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str) -> Fit:
+def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft: int = MOST_SOFT_BREAKS) -> Fit:
     x_min, x_max, y_min, y_max = task.domain
     nx, ny = FIRST_SPANS if isinstance(spans, str) else spans
-    ends_x, ends_y = task.ends or (span_ends(x_min, x_max, task.breaks, degree, nx),
+    ends_x, ends_y = task.ends or (span_ends(x_min, x_max, task.breaks, degree, nx, most_soft),
                                    span_ends(y_min, y_max, (), degree, ny))
     fit, misses = _try(task, ends_x, ends_y, degree)
     if not isinstance(spans, str):
