@@ -129,7 +129,7 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
             fit = higher
     if spans == "auto" and not fit.met and MOST_SOFT_BREAKS < len(task.breaks) <= MOST_SPANS:
         every = _refine(task, first, spans, MOST_SPANS)
-        if every.met or every.curvature_error_percent < fit.curvature_error_percent:
+        if every.met or _excess(task, every) < _excess(task, fit):
             fit = every
     return replace(fit, seconds=time.perf_counter() - start)
 
@@ -144,6 +144,8 @@ def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degr
     hard = [(x, order) for x, order in breaks if order < degree and low + nearest < x < high - nearest]
     if len(hard) > most_soft:
         hard = [(x, order) for x, order in hard if order < 4]
+    if len(hard) > MOST_SPANS:  # a table far finer than spans may be: its nodes cannot be held one by one
+        hard = []
     corners = [low, *(x for x, _ in hard), high]
     lengths = np.diff(corners)
     shares = np.ones(len(lengths), dtype=int)

@@ -317,7 +317,7 @@ def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _evaluate_apart(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w):
-    """`evaluate` for rays that each have a cell of their own, into Z, ZX, ZY."""
+    """`_evaluate` for rays that each have a cell of their own."""
     for m in range(BLOCK):
         x, y = _clamp(w[X + m], ends_x[0], ends_x[-2]), _clamp(w[Y + m], ends_y[0], ends_y[-2])
         i, j = _span(x, ends_x, lookup_x), _span(y, ends_y, lookup_y)
@@ -505,7 +505,8 @@ def _height_field_kernel(powers):
             for m in range(BLOCK):
                 if odd > 0 and state[m] != HIT:
                     continue
-                if w[MISS + m] != 0.0:
+                # Beyond its rectangle the sheet's continuation is not the sheet: what is met there says nothing of before.
+                if w[MISS + m] != 0.0 or not (x_min <= w[X + m] <= x_max and y_min <= w[Y + m] <= y_max):
                     state[m] = LOST
                 elif _inside(first, edges, low, inverse_height, w[X + m], w[Y + m]):
                     state[m] = HIT
@@ -575,8 +576,9 @@ def _height_field_kernel(powers):
     return hits, first_hits
 
 
-# One kernel for each number of powers that sheets are padded to with zeros: degrees to 3, 5, 7 and 9.
-PADDED_POWERS = (4, 6, 8, 10)
+# One kernel for each number of powers that sheets are padded to with zeros: degrees to 3, 5, 7, 9, 13 and
+# 25, the CAD kernel's highest; those beyond 9 are loops again.
+PADDED_POWERS = (4, 6, 8, 10, 14, 26)
 _HEIGHT_FIELD = {powers: _height_field_kernel(powers) for powers in PADDED_POWERS}
 
 
@@ -634,7 +636,7 @@ def _evaluate_parts(powers, parts, flat, base, centre_u, centre_v, w):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _evaluate_parts_apart(powers, parts, flat, ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v, w):
-    """`evaluate` for rays that each have a cell of their own."""
+    """`_evaluate_parts` for rays that each have a cell of their own."""
     for m in range(BLOCK):
         u, v = _clamp(w[U + m], ends_u[0], ends_u[-2]), _clamp(w[V + m], ends_v[0], ends_v[-2])
         i, j = _span(u, ends_u, lookup_u), _span(v, ends_v, lookup_v)
@@ -699,11 +701,13 @@ def _parametric_kernel(powers, parts):
     @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
     def hits(w, state, flat, ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v, centre, extent, first, edges, low,
              inverse_height, sure,
-             sign, one_sided, sheet, starts, origins, directions, status, points, normals, reflected, distances):
+             sign, one_sided, closed, sheet, starts, origins, directions, status, points, normals, reflected, distances):
         n_rays = directions.size // 3
         u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
         # A step may leave the surface by a little, where the end polynomials go on; not by more.
         beyond_u, beyond_v = 0.05 * (u_max - u_min), 0.05 * (v_max - v_min)
+        # On a closed surface it goes on at the other side of the seam.
+        turn_u, turn_v = closed[0] * (u_max - u_min), closed[1] * (v_max - v_min)
         sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
         for start in range(0, n_rays, BLOCK):
             count = min(BLOCK, n_rays - start)
@@ -775,6 +779,8 @@ def _parametric_kernel(powers, parts):
                     inverse = 1.0 / (fu * gv - fv * gu)
                     u = w[U + m] - (w[NX + m] * gv - w[NY + m] * fv) * inverse
                     v = w[V + m] - (w[NY + m] * fu - w[NX + m] * gu) * inverse
+                    u += turn_u * (1.0 if u < u_min else 0.0) - turn_u * (1.0 if u > u_max else 0.0)
+                    v += turn_v * (1.0 if v < v_min else 0.0) - turn_v * (1.0 if v > v_max else 0.0)
                     w[U + m] = _clamp(u, u_min - beyond_u, u_max + beyond_u)
                     w[V + m] = _clamp(v, v_min - beyond_v, v_max + beyond_v)
             good = 0

@@ -52,8 +52,9 @@ class HeightField:
 
     @staticmethod
     def of(surface: BSplineSurface) -> HeightField | None:
-        """The surface as z(x, y) where its parameters are x and y themselves; None where they are not."""
-        if surface.weights is not None:
+        """The surface as z(x, y) where its parameters are x and y themselves; None where they are not, or where it has a
+        crease, across which no bound on the second derivative holds."""
+        if surface.weights is not None or _has_crease(surface):
             return None
         x, y = surface.poles[..., 0], surface.poles[..., 1]
         off = max(np.abs(x - greville_abscissae(surface.knots_u, surface.degree_u)[:, None]).max(),
@@ -77,7 +78,8 @@ class Patches:
     parts : 3 coordinates, or 4 homogeneous ones.   coefficients : flat, of (u spans, v spans, parts, powers, powers).
     centre (3,) mm : what the coordinates are counted from.   extent : their largest size, mm.
     sheet (12,) : mean normal n, sine of the cone of rays that meet the surface once only, and the affine maps from a place
-    on the plane n·x = 0 to u and to v; None where the surface is no such sheet.
+    on the plane n·x = 0 to u and to v; None where the surface is no such sheet.   closed (2,) : 1 for a direction whose two
+    ends are the same curve.
     """
 
     powers: int
@@ -92,10 +94,11 @@ class Patches:
     centre: Array
     extent: float
     sheet: Array | None
+    closed: Array
 
     @staticmethod
     def of(surface: BSplineSurface) -> Patches | None:
-        """None where the degree is above 9."""
+        """None where the degree is above 25."""
         centre = 0.5 * (surface.poles.min(axis=(0, 1)) + surface.poles.max(axis=(0, 1)))
         poles = surface.poles - centre
         extent = float(np.abs(poles).max())
@@ -105,7 +108,8 @@ class Patches:
         cells = _cells(surface, poles)
         if cells is None:
             return None
-        return Patches(cells[0], poles.shape[2], *cells[1:], centre, extent, _sheet(surface, centre))
+        return Patches(cells[0], poles.shape[2], *cells[1:], centre, extent, _sheet(surface, centre),
+                       _closed(surface))
 
     @property
     def arguments(self) -> tuple[object, ...]:
@@ -187,6 +191,15 @@ def _samples(knots: Array, degree: int) -> Array:
     return np.append(inner.ravel(), ends[-1])
 
 
+def _has_crease(surface: BSplineSurface) -> bool:
+    """Whether a slope may jump: at a knot inside that is repeated as often as the degree."""
+    for knots, degree in ((surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v)):
+        values, counts = np.unique(knots[degree + 1:len(knots) - degree - 1], return_counts=True)
+        if np.any(counts[values < knots[-degree - 1]] >= degree):
+            return True
+    return False
+
+
 def _steepest(surface: BSplineSurface) -> float:
     """0 for a cap, else the square of the largest slope, which the derivatives' poles bound."""
     d = surface.on_grid(_samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v), component=2)
@@ -220,6 +233,15 @@ def _derivative_poles(poles: Array, knots: Array, degree: int, axis: int) -> tup
     apart = knots[degree + 1:-1] - knots[1:-degree - 1]
     steps = np.diff(poles, axis=axis)
     return degree * steps / np.expand_dims(apart, 1 - axis), (knots[1:-1], degree - 1)
+
+
+def _closed(surface: BSplineSurface) -> Array:
+    u_min, u_max, v_min, v_max = surface.domain
+    u, v = _samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v)
+    same = IDENTITY_TOLERANCE_MM + 1e-12 * float(np.abs(surface.poles).max())
+    apart = (np.linalg.norm(surface.evaluate(u_min, v) - surface.evaluate(u_max, v), axis=-1).max(),
+             np.linalg.norm(surface.evaluate(u, v_min) - surface.evaluate(u, v_max), axis=-1).max())
+    return np.array([float(distance <= same) for distance in apart])
 
 
 def _sheet(surface: BSplineSurface, centre: Array) -> Array | None:

@@ -14,7 +14,8 @@ from raytrace.trimming import Trimming
 
 Array = NDArray[np.float64]
 
-POLE = 0.5 * np.pi - 1e-12  # beside the pole by less than any place is known
+TURN = 2.0 * np.pi
+SEAM = 1e-12  # radians beside a seam or pole, which is less than any place is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +52,29 @@ class TrimmedQuadric:
             index = np.flatnonzero((t > NEAREST_MM) & (t < distances))
             place = o[index] + t[index, None] * d[index]
             place, normal, u, v = _on(self.quadric, place)
-            if self.quadric.kind != "plane":  # the turn of u that the loops are in
-                u = self.trimming.box[0] + np.mod(u - self.trimming.box[0], 2.0 * np.pi)
-            if self.quadric.kind == "sphere":  # the even-odd rule leaves out the upper edge, but a pole is no edge
-                v = np.minimum(v, POLE)
-            inside = self.trimming.contains(u, v)
+            inside = self._inside(u, v)
             index = index[inside]
             distances[index] = t[index]
             points[index] = self.quadric.centre + place[inside] @ self.quadric.axes
             normals[index] = self.sign * np.linalg.det(self.quadric.axes) * normal[inside] @ self.quadric.axes
         return distances, points, normals
+
+
+    def _inside(self, u: Array, v: Array) -> NDArray[np.bool_]:
+        """Whether places lie inside the loops, whose u may run over several turns."""
+        if self.quadric.kind == "plane":
+            return self.trimming.contains(u, v)
+        low, high = self.trimming.box[:2]
+        u = low + np.mod(u - low, TURN)
+        # The even-odd rule leaves out the upper edge; but a seam is no edge, nor is a pole.
+        if high - low >= TURN - SEAM:
+            u = np.minimum(u, low + TURN - SEAM)
+        if self.quadric.kind == "sphere":
+            v = np.minimum(v, 0.5 * np.pi - SEAM)
+        inside = self.trimming.contains(u, v)
+        for turn in range(1, int(np.ceil((high - low) / TURN - SEAM))):
+            inside |= self.trimming.contains(u + turn * TURN, v)
+        return inside
 
 
 def _roots(quadric: Quadric, o: Array, d: Array) -> tuple[Array, ...]:

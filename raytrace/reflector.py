@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mirror_cad.occt.step import StepFace, StepFile
 
 Array = NDArray[np.float64]
-Box = tuple[float, float, float, float]
 
 Normals = Literal["facets", "interpolated"]
 Colour = tuple[int, int, int]
@@ -32,7 +31,8 @@ OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"
 GLASS_INDEX = 1.52  # float glass, at the helium d line
 START_GRID = 48  # cells a direction of the coarse mesh that Newton starts from
-SHELL = 1.5  # times the distance between facets and surface: what is between the places looked at is less than half more
+LEAST_IN_SPAN, MOST_START_CELLS = 3, 512
+SHELL = 2.0  # times the distance between facets and surface: what is between the places looked at is less than twice as much
 TRIM_CHORD_MM = 1e-5  # of the polygon for a mirror's own outline
 
 
@@ -63,8 +63,8 @@ class TrimmedSurface:
         """The surface as polynomials. Raises: TraceError for a degree that the kernels do not take."""
         found = Patches.of(self.surface)
         if found is None:
-            raise TraceError(f"a face's B-spline has degree {self.surface.degree_u} × {self.surface.degree_v}: degrees up to 9 "
-                             "are traced")
+            raise TraceError(f"a face's B-spline has degree {self.surface.degree_u} × {self.surface.degree_v}; degrees up to "
+                             "25 are traced: convert the face")
         return found
 
     def outline(self) -> Array:
@@ -75,12 +75,12 @@ class TrimmedSurface:
 
     @cached_property
     def start_mesh(self) -> tuple[SurfaceMesh, Array]:
-        """Where Newton starts: two coarse meshes, a little to either side of the surface and beyond its trimmed part, and
-        the (u, v) of their vertices. A ray cannot meet the surface, however grazing, without meeting one of them first."""
+        """Where Newton starts: two coarse meshes, one to either side of the surface by SHELL times what their facets are off
+        it where that was looked at, a little beyond its trimmed part; and the (u, v) of their vertices."""
         (u_min, u_max, v_min, v_max), domain = self.trimming.box, self.surface.domain
         beyond_u, beyond_v = 0.02 * (u_max - u_min), 0.02 * (v_max - v_min)
-        u = np.linspace(max(u_min - beyond_u, domain[0]), min(u_max + beyond_u, domain[1]), 2 * START_GRID + 1)
-        v = np.linspace(max(v_min - beyond_v, domain[2]), min(v_max + beyond_v, domain[3]), 2 * START_GRID + 1)
+        u = _start_grid(self.surface.knots_u, max(u_min - beyond_u, domain[0]), min(u_max + beyond_u, domain[1]))
+        v = _start_grid(self.surface.knots_v, max(v_min - beyond_v, domain[2]), min(v_max + beyond_v, domain[3]))
         d = self.surface.on_grid(u, v)
         # How far the facets are from the surface: at the middles of the cells and of their sides.
         coarse = d["s"][::2, ::2]
@@ -92,12 +92,25 @@ class TrimmedSurface:
         length = np.linalg.norm(across, axis=2, keepdims=True)
         normal = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
         uv = np.stack(np.meshgrid(u[::2], v[::2], indexing="ij"), axis=2).reshape(-1, 2)
-        row = START_GRID + 1
-        corner = np.arange(row**2).reshape(row, row)[:-1, :-1].ravel()
+        rows, row = len(u[::2]), len(v[::2])
+        corner = np.arange(rows * row).reshape(rows, row)[:-1, :-1].ravel()
         faces = np.concatenate([np.stack([corner, corner + row, corner + row + 1], axis=1),
                                 np.stack([corner, corner + row + 1, corner + 1], axis=1)]).astype(np.int32)
         shells = np.concatenate([(coarse + side * apart * normal).reshape(-1, 3) for side in (1.0, -1.0)])
-        return SurfaceMesh(shells, np.concatenate([faces, faces + np.int32(row**2)])), np.concatenate([uv, uv])
+        return SurfaceMesh(shells, np.concatenate([faces, faces + np.int32(rows * row)])), np.concatenate([uv, uv])
+
+    @cached_property
+    def start_scene(self) -> TriangleScene:
+        """The start meshes in Embree, alone: faces side by side share theirs, and one would hide the other."""
+        return TriangleScene(self.start_mesh[0].vertices, self.start_mesh[0].faces)
+
+
+def _start_grid(knots: Array, low: float, high: float) -> Array:
+    """Twice START_GRID cells or more between low and high, with ends at the knots and as many in every span."""
+    ends = np.concatenate([[low], np.unique(knots[(knots > low) & (knots < high)]), [high]])
+    parts = max(1, min(-(-START_GRID // (len(ends) - 1)), MOST_START_CELLS // (len(ends) - 1)), LEAST_IN_SPAN)
+    inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(2 * parts) / (2 * parts)
+    return np.append(inner.ravel(), high)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,12 +158,9 @@ class Reflector:
 
     @cached_property
     def mesh_scene(self) -> TriangleScene:
-        """The mesh in Embree, or the start meshes of all B-splines in one scene."""
-        if self.mesh is not None:
-            return TriangleScene(self.mesh.vertices, self.mesh.faces)
-        joined = _joined([surface.start_mesh[0] for surface in self.splines])
-        assert joined is not None  # asked for only where there are B-splines
-        return TriangleScene(joined.vertices, joined.faces)
+        """The mesh in Embree."""
+        assert self.mesh is not None  # asked for only where there is a mesh
+        return TriangleScene(self.mesh.vertices, self.mesh.faces)
 
     @cached_property
     def corner_normals(self) -> Array:
@@ -199,6 +209,8 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
     """
     path = Path(path)
     kind = path.suffix.lower()
+    if not 1.0 <= index < float("inf"):
+        raise TraceError(f"an index of {index:g} is no glass in air: it must be 1 or more")
     if normals not in get_args(Normals):
         raise TraceError(f"normals = {normals!r}: a mesh is traced with normals = \"facets\" or \"interpolated\"")
     if kind in (".step", ".stp"):
@@ -247,16 +259,22 @@ def _chosen(file: StepFile, path: Path, face: str | int | Colour) -> Reflector:
     """The reflector in which the faces of a name, a number or a colour reflect."""
     from mirror_cad.occt.tessellate import face_mesh, triangulate
 
+    if isinstance(face, bool) or not isinstance(face, str | int | np.integer | tuple | list):
+        raise TraceError(f"face = {face!r}: a name, a number from 1 on, or a colour (red, green, blue), 0 to 255, chooses a "
+                         "face")
     if isinstance(face, str):
         wanted = [k for k, each in enumerate(file.faces) if each.name == face]
         there = "names: " + (", ".join(sorted({repr(each.name) for each in file.faces if each.name})) or "none")
-    elif isinstance(face, int):
+    elif isinstance(face, int | np.integer):
         wanted = [face - 1] if 1 <= face <= len(file.faces) else []
         there = f"numbers: 1 to {len(file.faces)}"
     else:
         from mirror_cad.occt.step import face_colours
 
         colours = face_colours(path)
+        if len(colours) != len(file.faces):
+            raise TraceError(f"{path}: the kernel has colours for {len(colours)} of {len(file.faces)} faces: choose the face by "
+                             "its number")
         wanted = [k for k, colour in enumerate(colours) if colour == tuple(face)]
         there = "colours: " + (", ".join(str(colour) for colour in sorted({c for c in colours if c is not None})) or "none")
     if not wanted:

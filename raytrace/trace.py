@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace import newton
-from raytrace.embree import Hits
 from raytrace.errors import TraceError
 from raytrace.parallel import in_runs
 from raytrace.quadrics import TrimmedQuadric
@@ -22,8 +21,8 @@ Index = NDArray[np.intp]
 
 # An obstacle counts as in front of the mirror only by more than its own mesh error.
 OBSTACLE_MARGIN_MM = 0.2
-MOST_CROSSINGS = 24  # surfaces, their start meshes or trimmed-away parts that a ray may pass on its way
-STEP_ON = 1e-3  # of a surface's size: how far behind a place that is trimmed away a ray starts again
+MOST_CROSSINGS = 400  # start meshes of surfaces that a ray may pass on its way
+STEP_ON = 1e-5  # of a surface's size: how far behind a start mesh a ray goes on; Embree's float32 knows it to 1e-7
 # Rays searched for at once: the working arrays are some 300 bytes a ray.
 SEARCHED = 200_000
 
@@ -74,6 +73,10 @@ class Trace:
                 raise TraceError(f"out.{name} must be a contiguous, writeable {np.dtype(kind)} array of shape {shape} for {n} "
                                  f"rays, not {array.dtype} of shape {array.shape}: Trace.empty({n}) makes one")
 
+        arrays = (self.status, self.points, self.normals, self.directions, self.distances)
+        if any(np.may_share_memory(one, other) for k, one in enumerate(arrays) for other in arrays[:k]):
+            raise TraceError(f"two arrays of out are the same memory: Trace.empty({n}) makes one without")
+
     def take(self, index: Index, found: Trace) -> None:
         """Put the results of some rays at their places."""
         for name in ("status", "points", "normals", "directions", "distances"):
@@ -99,7 +102,15 @@ def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out
     if out is None:
         out = Trace.empty(n)
     else:
+        if not isinstance(out, Trace):
+            raise TraceError(f"out must be a Trace, as Trace.empty({n}) makes it, not {type(out).__name__}")
         out.check_room(n)
+        results = (out.status, out.points, out.normals, out.directions, out.distances)
+        # The rays may be the results of the trace before: they are still read when results are written.
+        eye, rays = (given.copy() if any(np.may_share_memory(given, result) for result in results) else given
+                     for given in (eye, rays))
+        if out.normals_from != "surface":
+            out = replace(out, normals_from="surface")
     if reflector.glass is not None:
         from raytrace.glass import trace_through
 
@@ -116,7 +127,10 @@ def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out
 
 def _checked(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
     """Contiguous float64 origins (1 or n, 3) and directions (n, 3)."""
-    eye, rays = np.asarray(origins), np.asarray(directions)
+    try:
+        eye, rays = np.asarray(origins), np.asarray(directions)
+    except ValueError:
+        raise TraceError("origins and directions must be arrays (n, 3): their rows have different lengths") from None
     for name, array in (("origins", eye), ("directions", rays)):
         if array.dtype.kind not in "fiu":
             raise TraceError(f"{name} must be real numbers, not {array.dtype}")
@@ -187,8 +201,8 @@ def _search(reflector: Reflector, eye: Array, rays: Array) -> Trace:
     for surface in reflector.surfaces:
         if isinstance(surface, TrimmedQuadric):
             _meet_quadric(surface, origins, units, found)
-    if reflector.splines:
-        _meet_splines(reflector, origins, units, np.flatnonzero(valid), found)
+        else:
+            _meet_spline(surface, origins, units, np.flatnonzero(valid), found)
     found.status[~valid] = Status.INVALID
     found.drop(np.flatnonzero(~valid))
     return found
@@ -208,47 +222,41 @@ def _meet_quadric(surface: TrimmedQuadric, origins: Array, units: Array, found: 
     found.points[behind] = found.normals[behind] = found.directions[behind] = np.nan
 
 
-def _meet_splines(reflector: Reflector, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
-    """The same for all B-splines, by Newton from where the rays meet their start meshes."""
-    ends = np.cumsum([len(surface.start_mesh[0].faces) for surface in reflector.splines])
+def _meet_spline(surface: TrimmedSurface, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
+    """The same for a B-spline, by Newton from every place where a ray meets its start meshes before what it has met so far.
+
+    Newton may run to a later fold of the surface: the search goes on until the next start mesh lies farther than the place.
+    """
+    mesh, uv = surface.start_mesh
+    passed = np.zeros(len(units))
     lost = np.zeros(len(units), dtype=np.bool_)
-    passed = np.zeros(len(units))  # rays start again behind every place that turned out to be none
+    # Whether a ray has gone through the start mesh on either side, since Newton first did not converge.
+    one_side, other_side = np.zeros(len(units), dtype=np.bool_), np.zeros(len(units), dtype=np.bool_)
     for _ in range(MOST_CROSSINGS):
-        starts = origins[waiting] + passed[waiting, None] * units[waiting]
-        hits = reflector.mesh_scene.first_hits(starts, units[waiting])
+        hits = surface.start_scene.first_hits(origins[waiting] + passed[waiting, None] * units[waiting], units[waiting])
         far = passed[waiting] + hits.distance
-        # What has been met before is nearer than the start meshes that are left.
         going = (hits.triangle >= 0) & ~(far > found.distances[waiting])
-        waiting, far = waiting[going], far[going]
-        hits = Hits(hits.distance[going], hits.triangle[going], hits.u[going], hits.v[going])
+        waiting, far, triangle = waiting[going], far[going], hits.triangle[going]
         if waiting.size == 0:
             break
-        owner = np.searchsorted(ends, hits.triangle, side="right")
-        done = np.zeros(len(waiting), dtype=np.bool_)
-        for k, surface in enumerate(reflector.splines):
-            mine = np.flatnonzero(owner == k)
-            if mine.size == 0:
-                continue
-            mesh, uv = surface.start_mesh
-            corners = uv[mesh.faces[hits.triangle[mine] - (ends[k] - len(mesh.faces))]]
-            u, v = hits.u[mine, None], hits.v[mine, None]
-            start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
-            index = waiting[mine]
-            here = Trace.empty(len(mine))
-            _parametric(surface, np.empty(0), start_uv, origins[index], units[index], here)
-            met = (here.status == Status.REFLECTED) | (here.status == Status.BEHIND)
-            nearer = met & ~(here.distances > found.distances[index])
-            rows = np.flatnonzero(nearer)
-            found.take(index[rows], Trace(here.status[rows], here.points[rows], here.normals[rows], here.directions[rows],
-                                          here.distances[rows]))
-            lost[index] = (here.status == Status.LOST) | (lost[index] & ~met)
-            done[mine] = met
-            passed[index] = far[mine] + STEP_ON * 2.0 * surface.patches.extent
-        waiting = waiting[~done]
+        corners = uv[mesh.faces[triangle]]
+        u, v = hits.u[going, None], hits.v[going, None]
+        start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
+        here = Trace.empty(len(waiting))
+        _parametric(surface, np.empty(0), start_uv, origins[waiting], units[waiting], here)
+        met = (here.status == Status.REFLECTED) | (here.status == Status.BEHIND)
+        rows = np.flatnonzero(met & ~(here.distances > found.distances[waiting]))
+        found.take(waiting[rows], Trace(here.status[rows], here.points[rows], here.normals[rows], here.directions[rows],
+                                        here.distances[rows]))
+        lost[waiting] |= here.status == Status.LOST
+        front = triangle < len(mesh.faces) // 2
+        one_side[waiting] ^= lost[waiting] & front
+        other_side[waiting] ^= lost[waiting] & ~front
+        passed[waiting] = far + STEP_ON * surface.patches.extent
     else:
-        lost[waiting] = True
-    nowhere = lost & (found.status == Status.MISSED)
-    found.status[nowhere] = Status.LOST
+        one_side[waiting] = other_side[waiting] = True
+    # A ray that comes and goes by the same side of a face has passed it by; one that goes through has met it.
+    found.status[one_side & other_side & (found.status == Status.MISSED)] = Status.LOST
 
 
 def _parametric(surface: TrimmedSurface, sheet: Array, starts: Array, eye: Array, rays: Array, out: Trace) -> None:
@@ -256,7 +264,7 @@ def _parametric(surface: TrimmedSurface, sheet: Array, starts: Array, eye: Array
     flat = starts.ravel()
     _run(lambda i, j, *arrays: newton.parametric_hits(  # type: ignore[no-untyped-call]
         patches.powers, patches.parts, *patches.arguments, *surface.trimming.arguments, surface.trimming.sure, surface.sign,
-        surface.one_sided, sheet, flat[2 * i:2 * j], *arrays), eye, rays, out, ends=True)
+        surface.one_sided, patches.closed, sheet, flat[2 * i:2 * j], *arrays), eye, rays, out, ends=True)
 
 
 def _run(kernel: object, eye: Array, rays: Array, out: Trace, ends: bool = False) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
-from OCP.GCPnts import GCPnts_TangentialDeflection
 from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle, Geom2d_Curve, Geom2d_Line, Geom2d_TrimmedCurve
-from OCP.GeomAbs import GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
+from OCP.GeomAbs import GeomAbs_C1, GeomAbs_Cylinder, GeomAbs_Line, GeomAbs_Plane, GeomAbs_Sphere
 from OCP.gp import gp_Ax22d, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
@@ -106,8 +107,9 @@ def is_reversed(face: TopoDS_Face) -> bool:
     return bool(face.Orientation() == TopAbs_REVERSED)
 
 
-# Trimming polygons stay this close to the pcurves, as a share of the parameter range.
-LOOP_CHORD = 1e-7
+# Trimming polygons stay this close to the pcurves, as a share of the parameter range in either direction.
+LOOP_CHORD = 1e-8
+MOST_CHORDS = 1 << 15  # of a smooth piece of a pcurve
 
 
 def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
@@ -116,16 +118,14 @@ def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
     A closed face without edges, a whole sphere, has the rectangle of its parameters.
     """
     u_min, u_max, v_min, v_max = BRepTools.UVBounds_s(face)
-    chord = LOOP_CHORD * max(u_max - u_min, v_max - v_min)
+    scale = np.array([max(u_max - u_min, 1e-300), max(v_max - v_min, 1e-300)])  # radians and mm may stand side by side
     loops = []
     wires = TopExp_Explorer(face, TopAbs_WIRE)
     while wires.More():
         points: list[Array] = []
         edges = BRepTools_WireExplorer(TopoDS.Wire_s(wires.Current()), face)
         while edges.More():
-            adaptor = BRepAdaptor_Curve2d(edges.Current(), face)
-            sampled = GCPnts_TangentialDeflection(adaptor, 0.2, chord, 2)
-            uv = np.array([adaptor.Value(sampled.Parameter(i)).Coord() for i in range(1, sampled.NbPoints() + 1)])
+            uv = _polyline(BRepAdaptor_Curve2d(edges.Current(), face), scale)
             points.append(uv[::-1][:-1] if edges.Current().Orientation() == TopAbs_REVERSED else uv[:-1])
             edges.Next()
         if points:
@@ -134,6 +134,24 @@ def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
     if not loops:
         loops.append(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]))
     return tuple(loops)
+
+
+def _polyline(curve: BRepAdaptor_Curve2d, scale: Array) -> Array:
+    """Points along a pcurve, ends included, whose chords are within LOOP_CHORD of it, each smooth piece halved until then."""
+    ends = TColStd_Array1OfReal(1, curve.NbIntervals(GeomAbs_C1) + 1)
+    curve.Intervals(ends, GeomAbs_C1)
+    pieces = []
+    for start, end in pairwise(list(ends)):
+        chords = 1 if curve.GetType() == GeomAbs_Line else 8
+        while True:
+            t = np.linspace(start, end, 2 * chords + 1)
+            uv = np.array([curve.Value(float(value)).Coord() for value in t])
+            off = np.abs(uv[1::2] - 0.5 * (uv[:-1:2] + uv[2::2])) / scale
+            if off.max() <= LOOP_CHORD or chords >= MOST_CHORDS:
+                break
+            chords *= max(2, min(64, int(np.sqrt(off.max() / LOOP_CHORD))))  # the error falls with the square
+        pieces.append(uv[::2][:-1] if chords == 1 else uv[:-1])
+    return np.concatenate([*pieces, uv[-1:]])
 
 
 def to_pcurve(segment: Line | Arc | Spline) -> Geom2d_Curve:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
@@ -21,6 +22,7 @@ from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
+from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_ColorTool, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
@@ -168,16 +170,18 @@ def face_colours(path: Path) -> list[tuple[int, int, int] | None]:
     found: list[tuple[int, int, int] | None] = []
     for k in range(1, roots.Length() + 1):
         root = XCAFDoc_ShapeTool.GetShape_s(roots.Value(k))
-        wholes = [_colour_of(tool, shape) for shape in (*solids_of(root)[:1], root)]
+        owners = [(solid, faces_of(solid)) for solid in solids_of(root)]
         for face in faces_of(root):
-            found.append(next((c for c in (_colour_of(tool, face), *wholes) if c is not None), None))
+            owner = next((solid for solid, faces in owners if any(face.IsSame(other) for other in faces)), root)
+            found.append(next((c for c in (_colour_of(tool, shape) for shape in (face, owner, root)) if c is not None), None))
     return found
 
 
 def _colour_of(tool: XCAFDoc_ColorTool, shape: TopoDS_Shape) -> tuple[int, int, int] | None:
+    """Of a shape where it is placed, or of the part that is placed there."""
     colour = Quantity_Color()
-    for kind in (XCAFDoc_ColorSurf, XCAFDoc_ColorGen):
-        if tool.GetColor(shape, kind, colour):
+    for placed, kind in product((shape, shape.Located(TopLoc_Location())), (XCAFDoc_ColorSurf, XCAFDoc_ColorGen)):
+        if tool.GetColor(placed, kind, colour):
             red, green, blue = (round(255 * float(value)) for value in colour.Values(Quantity_TOC_sRGB))
             return red, green, blue
     return None
