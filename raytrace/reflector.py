@@ -273,8 +273,8 @@ def _chosen(file: StepFile, path: Path, face: str | int | Colour) -> Reflector:
 
         colours = face_colours(path)
         if len(colours) != len(file.faces):
-            raise TraceError(f"{path}: the kernel has colours for {len(colours)} of {len(file.faces)} faces: choose the face by "
-                             "its number")
+            raise TraceError(f"{path}: the kernel has colours for {len(colours)} of {len(file.faces)} faces: choose the face "
+                             "by its number")
         wanted = [k for k, colour in enumerate(colours) if colour == tuple(face)]
         there = "colours: " + (", ".join(str(colour) for colour in sorted({c for c in colours if c is not None})) or "none")
     if not wanted:
