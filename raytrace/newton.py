@@ -294,22 +294,29 @@ def _taylor(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _horner(powers, flat, base, a, b):
+    """A polynomial in a and b, whose coefficients begin at base, highest powers first, and its derivatives by a and by b."""
+    value = along_a = along_b = 0.0
+    for r in range(powers):
+        row = flat[base + r * powers]
+        slope = 0.0
+        for c in range(1, powers):
+            slope = slope * b + row
+            row = row * b + flat[base + r * powers + c]
+        along_a = along_a * a + value
+        value = value * a + row
+        along_b = along_b * a + slope
+    return value, along_a, along_b
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max, w):
     """z, z_x, z_y of one cell's polynomial, whose coefficients begin at base, at (X, Y) into the rows Z, ZX, ZY."""
     base = _at(base)
     for m in range(BLOCK):
         x, y = _clamp(w[X + m], x_min, x_max), _clamp(w[Y + m], y_min, y_max)
         a, b = x - centre_x, y - centre_y
-        z = z_a = z_b = 0.0
-        for r in range(powers):
-            row = flat[base + r * powers]
-            slope = 0.0
-            for c in range(1, powers):
-                slope = slope * b + row
-                row = row * b + flat[base + r * powers + c]
-            z_a = z_a * a + z
-            z = z * a + row
-            z_b = z_b * a + slope
+        z, z_a, z_b = _horner(powers, flat, base, a, b)
         w[Z + m] = z + z_a * (w[X + m] - x) + z_b * (w[Y + m] - y)
         w[ZX + m] = z_a
         w[ZY + m] = z_b
@@ -323,34 +330,24 @@ def _evaluate_apart(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, 
         i, j = _span(x, ends_x, lookup_x), _span(y, ends_y, lookup_y)
         a, b = x - middle_x[i], y - middle_y[j]
         base = (i * (ends_y.size - 2) + j) * powers * powers
-        z = z_a = z_b = 0.0
-        for r in range(powers):
-            row = flat[base + r * powers]
-            slope = 0.0
-            for c in range(1, powers):
-                slope = slope * b + row
-                row = row * b + flat[base + r * powers + c]
-            z_a = z_a * a + z
-            z = z * a + row
-            z_b = z_b * a + slope
+        z, z_a, z_b = _horner(powers, flat, base, a, b)
         w[Z + m] = z + z_a * (w[X + m] - x) + z_b * (w[Y + m] - y)
         w[ZX + m] = z_a
         w[ZY + m] = z_b
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, rounds, w, q):
-    """Move the paraboloid q to where the block's middle ray meets the sheet, in as many rounds."""
+def _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w, q):
+    """Move the paraboloid q to where the block's middle ray meets the sheet."""
     c = BLOCK // 2
-    for _ in range(rounds):
-        slope = w[DZ + c] - q[1] * w[DX + c] - q[2] * w[DY + c]
-        t = (q[0] + q[1] * (w[OX + c] - q[6]) + q[2] * (w[OY + c] - q[7]) - w[OZ + c]) / slope
-        a, b = w[OX + c] + t * w[DX + c] - q[6], w[OY + c] + t * w[DY + c] - q[7]
-        z = q[0] + a * (q[1] + q[3] * a + q[4] * b) + b * (q[2] + q[5] * b)
-        slope -= (2.0 * q[3] * a + q[4] * b) * w[DX + c] + (q[4] * a + 2.0 * q[5] * b) * w[DY + c]
-        t -= (w[OZ + c] + t * w[DZ + c] - z) / slope
-        _taylor(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w[OX + c] + t * w[DX + c],
-                w[OY + c] + t * w[DY + c], q)
+    slope = w[DZ + c] - q[1] * w[DX + c] - q[2] * w[DY + c]
+    t = (q[0] + q[1] * (w[OX + c] - q[6]) + q[2] * (w[OY + c] - q[7]) - w[OZ + c]) / slope
+    a, b = w[OX + c] + t * w[DX + c] - q[6], w[OY + c] + t * w[DY + c] - q[7]
+    z = q[0] + a * (q[1] + q[3] * a + q[4] * b) + b * (q[2] + q[5] * b)
+    slope -= (2.0 * q[3] * a + q[4] * b) * w[DX + c] + (q[4] * a + 2.0 * q[5] * b) * w[DY + c]
+    t -= (w[OZ + c] + t * w[DZ + c] - z) / slope
+    _taylor(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w[OX + c] + t * w[DX + c],
+            w[OY + c] + t * w[DY + c], q)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
@@ -418,7 +415,7 @@ def _height_field_kernel(powers):
             # In a picture the block before is the best place to begin; else the plane above the sheet.
             for _ in range(2):
                 if warm:
-                    _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, 1, w, q)
+                    _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w, q)
                     _from_paraboloid(w, q)
                 else:
                     _from_above(top, w)
@@ -429,7 +426,7 @@ def _height_field_kernel(powers):
                 if together:
                     _taylor(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w[X + BLOCK // 2],
                             w[Y + BLOCK // 2], q)
-                    _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, 1, w, q)
+                    _osculate(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, w, q)
                 warm = together
             for m in range(BLOCK):
                 limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
@@ -619,16 +616,7 @@ def _evaluate_parts(powers, parts, flat, base, centre_u, centre_v, w):
     for part in range(parts):
         for m in range(BLOCK):
             a, b = w[U + m] - centre_u, w[V + m] - centre_v
-            value = along_u = along_v = 0.0
-            for r in range(powers):
-                row = flat[base + part * powers * powers + r * powers]
-                slope = 0.0
-                for c in range(1, powers):
-                    slope = slope * b + row
-                    row = row * b + flat[base + part * powers * powers + r * powers + c]
-                along_u = along_u * a + value
-                value = value * a + row
-                along_v = along_v * a + slope
+            value, along_u, along_v = _horner(powers, flat, base + part * powers * powers, a, b)
             w[P + 3 * part * BLOCK + m] = value
             w[P + (3 * part + 1) * BLOCK + m] = along_u
             w[P + (3 * part + 2) * BLOCK + m] = along_v
@@ -643,16 +631,7 @@ def _evaluate_parts_apart(powers, parts, flat, ends_u, ends_v, middle_u, middle_
         a, b = w[U + m] - middle_u[i], w[V + m] - middle_v[j]
         base = (i * (ends_v.size - 2) + j) * parts * powers * powers
         for part in range(parts):
-            value = along_u = along_v = 0.0
-            for r in range(powers):
-                row = flat[base + part * powers * powers + r * powers]
-                slope = 0.0
-                for c in range(1, powers):
-                    slope = slope * b + row
-                    row = row * b + flat[base + part * powers * powers + r * powers + c]
-                along_u = along_u * a + value
-                value = value * a + row
-                along_v = along_v * a + slope
+            value, along_u, along_v = _horner(powers, flat, base + part * powers * powers, a, b)
             w[P + 3 * part * BLOCK + m] = value
             w[P + (3 * part + 1) * BLOCK + m] = along_u
             w[P + (3 * part + 2) * BLOCK + m] = along_v

@@ -59,7 +59,6 @@ class TrimmedQuadric:
             normals[index] = self.sign * np.linalg.det(self.quadric.axes) * normal[inside] @ self.quadric.axes
         return distances, points, normals
 
-
     def _inside(self, u: Array, v: Array) -> NDArray[np.bool_]:
         """Whether places lie inside the loops, whose u may run over several turns."""
         if self.quadric.kind == "plane":

@@ -31,7 +31,7 @@ OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"
 GLASS_INDEX = 1.52  # float glass, at the helium d line
 START_GRID = 48  # cells a direction of the coarse mesh that Newton starts from
-LEAST_IN_SPAN, MOST_START_CELLS = 3, 512
+LEAST_IN_SPAN = 3
 SHELL = 2.0  # times the distance between facets and surface: what is between the places looked at is less than twice as much
 TRIM_CHORD_MM = 1e-5  # of the polygon for a mirror's own outline
 
@@ -108,7 +108,7 @@ class TrimmedSurface:
 def _start_grid(knots: Array, low: float, high: float) -> Array:
     """Twice START_GRID cells or more between low and high, with ends at the knots and as many in every span."""
     ends = np.concatenate([[low], np.unique(knots[(knots > low) & (knots < high)]), [high]])
-    parts = max(1, min(-(-START_GRID // (len(ends) - 1)), MOST_START_CELLS // (len(ends) - 1)), LEAST_IN_SPAN)
+    parts = max(-(-START_GRID // (len(ends) - 1)), LEAST_IN_SPAN)
     inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(2 * parts) / (2 * parts)
     return np.append(inner.ravel(), high)
 

@@ -72,7 +72,6 @@ class Trace:
             if array.shape != shape or array.dtype != kind or not (array.flags.c_contiguous and array.flags.writeable):
                 raise TraceError(f"out.{name} must be a contiguous, writeable {np.dtype(kind)} array of shape {shape} for {n} "
                                  f"rays, not {array.dtype} of shape {array.shape}: Trace.empty({n}) makes one")
-
         arrays = (self.status, self.points, self.normals, self.directions, self.distances)
         if any(np.may_share_memory(one, other) for k, one in enumerate(arrays) for other in arrays[:k]):
             raise TraceError(f"two arrays of out are the same memory: Trace.empty({n}) makes one without")
