@@ -1,4 +1,4 @@
-"""Reflector, eye and scene in, the driver's picture out."""
+"""Reflector, camera and scene in, the driver's picture out."""
 
 from __future__ import annotations
 
@@ -24,17 +24,49 @@ FRAME_MARGIN = 0.05  # of the mirror's width, on every side
 SAMPLES = 4  # a direction, in the pixels that need more than one
 # Difference to a neighbour from which a pixel gets them, in values of 255: a step that a smooth picture may have.
 CONTRAST = 10
-BACKGROUND = np.array([246.0, 246.0, 244.0])
 
 
 class Scene(Protocol):
-    """What reflected rays can land on."""
+    """What the rays of a picture can land on."""
 
-    def add_colours(self, trace: Trace, background: Array, sums: Array, samples: int) -> None:
+    def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
         """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
 
-        Rays that are not reflected see the background (3,). Called from several threads at once.
+        rays : directions (n, 3), of any length, in which the rays left the eye (3,): for those that are not reflected.
+        Called from several threads at once.
         """
+
+    def to_display(self, means: Array) -> Picture:
+        """The bytes (n, 3) that show mean colours (n, 3)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A pinhole at the eye (3,), mm. The ray through a place (column, row), counted in pixels from the first one's outer
+    corner, has the direction base + column·across + row·down, (3,) each, of any length. Row 0 is at the top."""
+
+    eye: Array
+    base: Array
+    across: Array
+    down: Array
+    columns: int
+    rows: int
+
+    def rays_through(self, column: Array, row: Array) -> Array:
+        """Directions (…, 3), of any length, through places of the picture."""
+        return (self.base + np.asarray(column, dtype=np.float64)[..., None] * self.across
+                + np.asarray(row, dtype=np.float64)[..., None] * self.down)
+
+    @staticmethod
+    def looking_at(eye: Array, target: Array, up: Array, width_rad: float, columns: int, rows: int) -> Camera:
+        """A camera whose picture's middle looks at the target; `up` (3,) points upwards in the picture, and the angle
+        between the middles of its left and right side is width_rad. In right-handed coordinates."""
+        forward = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(forward, up)
+        right /= np.linalg.norm(right)
+        pixel = 2.0 * np.tan(0.5 * width_rad) / columns
+        across, down = pixel * right, pixel * np.cross(forward, right)
+        return Camera(eye, forward - 0.5 * columns * across - 0.5 * rows * down, across, down, columns, rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,38 +93,49 @@ class Frame:
         """(x, y) on the picture plane, mm, of places counted in pixels from the first one's outer corner."""
         return self.left + np.asarray(column) * self.pixel, self.top - np.asarray(row) * self.pixel
 
+    def camera(self, eye: Array) -> Camera:
+        """The camera at the eye (3,) whose picture plane this is."""
+        size = self.pixel
+        return Camera(eye, np.array([self.left - eye[0], self.top - eye[1], -eye[2]]), np.array([size, 0.0, 0.0]),
+                      np.array([0.0, -size, 0.0]), self.columns, self.rows)
+
 
 def rays_through(frame: Frame, eye: Array, column: Array, row: Array) -> Array:
     """Directions (n, 3), of any length, from the eye through places of the frame."""
-    x, y = frame.place(column, row)
-    return np.stack([x - eye[0], y - eye[1], np.full(x.shape, -eye[2])], axis=-1)
+    return frame.camera(eye).rays_through(column, row)
 
 
 def driver_view(reflector: Reflector, eye: Array, scene: Scene, frame: Frame,
                 progress: Callable[[float], None] | None = None, samples: int = SAMPLES) -> tuple[Picture, dict[str, int]]:
-    """What the eye sees in the mirror, (rows, columns, 3) uint8, and how many rays had which status.
+    """What the eye sees in the mirror through the frame on the plane z = 0; as `photograph` of the frame's camera."""
+    return photograph(reflector, frame.camera(eye), scene, progress, samples)
 
-    A pinhole at the eye. One ray through the middle of every pixel; where that shows a difference of CONTRAST or more to
-    a neighbour, samples² rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
+
+def photograph(reflector: Reflector, camera: Camera, scene: Scene, progress: Callable[[float], None] | None = None,
+               samples: int = SAMPLES) -> tuple[Picture, dict[str, int]]:
+    """The picture that a camera takes of the mirror, (rows, columns, 3) uint8, and how many rays had which status.
+
+    One ray through the middle of every pixel; where that shows a difference of CONTRAST or more to a neighbour, samples²
+    rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
     The picture does not depend on the number of threads. `progress` is called with the share that is done; what it raises
     ends the work.
     """
     if reflector.obstacles_behind:  # they stand in no reflected ray's way, and which ray misses how is not asked
         reflector = replace(reflector, obstacles=None)
-    picture = np.empty((frame.rows, frame.columns, 3), dtype=np.uint8)
-    n = frame.rows * frame.columns
+    picture = np.empty((camera.rows, camera.columns, 3), dtype=np.uint8)
+    n = camera.rows * camera.columns
     report = progress or (lambda share: None)
-    counts = _render(reflector, eye, scene, frame, np.arange(n), 1, picture, lambda share: report(share / samples))
+    counts = _render(reflector, camera, scene, np.arange(n), 1, picture, lambda share: report(share / samples))
     if samples > 1:
         again = np.flatnonzero(_contrasts(picture))
-        counts += _render(reflector, eye, scene, frame, again, samples, picture,
+        counts += _render(reflector, camera, scene, again, samples, picture,
                           lambda share: report((1.0 + (samples - 1) * share) / samples))
     report(1.0)
     return picture, {name: counts[name] for name in sorted(counts)}
 
 
-def _render(reflector: Reflector, eye: Array, scene: Scene, frame: Frame, pixels: NDArray[np.intp], samples: int,
-            picture: Picture, report: Callable[[float], None]) -> Counter[str]:
+def _render(reflector: Reflector, camera: Camera, scene: Scene, pixels: NDArray[np.intp], samples: int, picture: Picture,
+            report: Callable[[float], None]) -> Counter[str]:
     """Trace and colour some pixels, samples² rays each."""
     inner = (np.arange(samples) + 0.5) / samples
     per_pixel = samples * samples
@@ -105,11 +148,12 @@ def _render(reflector: Reflector, eye: Array, scene: Scene, frame: Frame, pixels
         if getattr(own, "rays", 0) != rays:  # a thread's arrays serve for all of its runs
             own.rays, own.trace, own.directions = rays, Trace.empty(rays), np.empty((rays, 3))
             own.sums = np.empty((stop - start, 3))
-        _directions(pixels[start:stop], frame.columns, frame.left, frame.top, frame.pixel, eye, inner, own.directions)
-        trace = reflect(reflector, eye, own.directions, out=own.trace)
+        _directions(pixels[start:stop], camera.columns, camera.base, camera.across, camera.down, inner, own.directions)
+        trace = reflect(reflector, camera.eye, own.directions, out=own.trace)
         own.sums[:] = 0.0
-        scene.add_colours(trace, BACKGROUND, own.sums, per_pixel)
-        _store(own.sums, 1.0 / per_pixel, pixels[start:stop], colours)
+        scene.add_colours(trace, camera.eye, own.directions, own.sums, per_pixel)
+        own.sums *= 1.0 / per_pixel
+        _place(scene.to_display(own.sums), pixels[start:stop], colours)
         with lock:
             counts.update(trace.counts())
 
@@ -121,7 +165,7 @@ RAYS_AT_ONCE = 16_384  # rays, results and colours of a run: two megabytes, near
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba's are
-def _directions(pixels: NDArray[np.intp], columns: int, left: float, top: float, size: float, eye: Array, inner: Array,
+def _directions(pixels: NDArray[np.intp], columns: int, base: Array, across: Array, down: Array, inner: Array,
                 directions: Array) -> None:
     """Rays through the samples of pixels, which are in rising order, row by row in each."""
     n = 0
@@ -133,17 +177,16 @@ def _directions(pixels: NDArray[np.intp], columns: int, left: float, top: float,
         before = pixel
         for a in inner:
             for b in inner:
-                directions[n, 0] = left + (column + b) * size - eye[0]
-                directions[n, 1] = top - (row + a) * size - eye[1]
-                directions[n, 2] = -eye[2]
+                for c in range(3):
+                    directions[n, c] = base[c] + (column + b) * across[c] + (row + a) * down[c]
                 n += 1
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _store(sums: Array, scale: float, pixels: NDArray[np.intp], colours: Picture) -> None:
+def _place(shown: Picture, pixels: NDArray[np.intp], colours: Picture) -> None:
     for i in range(len(pixels)):
         for c in range(3):
-            colours[pixels[i], c] = np.uint8(np.rint(sums[i, c] * scale))
+            colours[pixels[i], c] = shown[i, c]
 
 
 def _contrasts(picture: Picture) -> NDArray[np.bool_]:

@@ -11,8 +11,8 @@ import mirror_cad
 import raytrace
 from mirror_studio.setting import Setting
 from raytrace import parallel
-from raytrace.image import BACKGROUND, Frame, driver_view
-from raytrace.scene.reference import ReferencePlane, load_picture
+from raytrace.image import Frame, driver_view
+from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
 from tests.conftest import constant, designed, spec_of
 
 

@@ -11,11 +11,11 @@ import mirror_cad
 import raytrace
 from mirror_studio.paper import PAPER, table_1
 from raytrace.eye import eye_position
-from raytrace.image import BACKGROUND, Frame, driver_view, landing_points, rays_through
+from raytrace.image import Frame, driver_view, landing_points, rays_through
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.scene.reference import ReferencePlane, load_picture
+from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
 from tests.conftest import constant, designed, spec_of
 
 

@@ -11,10 +11,10 @@ import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import SceneError
 from raytrace.image import Frame, rays_through
+from raytrace.scene.reference import BACKGROUND
 from raytrace.scene.world import AMBIENT, HORIZON, ZENITH, TriangleWorld
 
 EYE = np.array([0.0, 0.0, 500.0])
-BACKGROUND = np.array([1.0, 2.0, 3.0])
 HALF_MM = 100.0  # of the plane mirror, which is a square in z = 0
 # Rays within this of an edge as seen on the mirror are left out: which side float32 puts them on is not the point here.
 NEAR_EDGE_MM = 1e-3
@@ -28,9 +28,10 @@ def plane_mirror() -> raytrace.Reflector:
 
 def seen(mirror: raytrace.Reflector, world: TriangleWorld, x: np.ndarray, y: np.ndarray, samples: int = 1) -> np.ndarray:
     """Sums of the colours of the rays from the eye through (x, y) on the mirror's plane."""
-    trace = raytrace.reflect(mirror, EYE, np.stack([x, y, np.zeros_like(x)], axis=1) - EYE)
+    rays = np.stack([x, y, np.zeros_like(x)], axis=1) - EYE
+    trace = raytrace.reflect(mirror, EYE, rays)
     sums = np.zeros((len(x) // samples, 3))
-    world.add_colours(trace, BACKGROUND, sums, samples)
+    world.add_colours(trace, EYE, rays, sums, samples)
     return sums
 
 
@@ -127,9 +128,9 @@ def test_a_triangle_without_area_is_no_hole_in_the_colours(plane_mirror: raytrac
     assert np.isfinite(world.shown).all()
     frame = Frame(-50.0, 50.0, 10.0, 10, 10)
     column, row = (g.ravel() + 0.5 for g in np.meshgrid(np.arange(10), np.arange(10)))
-    trace = raytrace.reflect(plane_mirror, EYE, rays_through(frame, EYE, column, row))
+    rays = rays_through(frame, EYE, column, row)
     sums = np.zeros((100, 3))
-    world.add_colours(trace, BACKGROUND, sums, 1)
+    world.add_colours(raytrace.reflect(plane_mirror, EYE, rays), EYE, rays, sums, 1)
     assert np.isfinite(sums).all()
 
 

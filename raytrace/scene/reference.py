@@ -23,6 +23,7 @@ MOST_PIXELS = 120_000_000
 BUILT_IN = "road"
 # What lies beside the picture: dark, so that the mirror keeps its outline where it sees farther than the picture reaches.
 BESIDE = np.array([52.0, 54.0, 58.0])
+BACKGROUND = np.array([246.0, 246.0, 244.0])  # what lies beside the mirror
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,15 +45,29 @@ class ReferencePlane:
         x, y = self.centre_mm
         return x - 0.5 * self.width_mm, x + 0.5 * self.width_mm, y - half_height, y + half_height
 
-    def add_colours(self, trace: Trace, background: Array, sums: Array, samples: int) -> None:
+    def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
         """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
 
-        Rays that are not reflected see the background (3,), rays that land beside the picture BESIDE.
+        Rays that are not reflected see BACKGROUND, rays that land beside the picture BESIDE.
         """
         _, x_max, _, y_max = self.bounds()
         columns = self.picture.shape[1]
         _add_colours(trace.status, trace.points, trace.directions, self.picture.ravel(), columns, self.z_mm, x_max, y_max,
-                     columns / self.width_mm, background, BESIDE, sums, samples)
+                     columns / self.width_mm, BACKGROUND, BESIDE, sums, samples)
+
+    def to_display(self, means: Array) -> Picture:
+        """The nearest bytes."""
+        return rounded(means)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def rounded(means: Array) -> Picture:
+    """Colours (n, 3), 0 to 255, as the nearest bytes."""
+    shown = np.empty(means.shape, dtype=np.uint8)
+    for i in range(means.shape[0]):
+        for c in range(3):
+            shown[i, c] = np.uint8(np.rint(means[i, c]))
+    return shown
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

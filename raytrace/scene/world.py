@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raytrace.embree import TriangleScene
 from raytrace.errors import SceneError
+from raytrace.scene.reference import BACKGROUND, Picture, rounded
 from raytrace.trace import Trace
 
 Array = NDArray[np.float64]
@@ -67,14 +68,18 @@ class TriangleWorld:
             colours *= (AMBIENT + (1.0 - AMBIENT) * np.maximum(facing, 0.0))[:, None].astype(np.float32)
         return np.concatenate([colours, np.array([self.horizon, self.zenith], dtype=np.float32)])
 
-    def add_colours(self, trace: Trace, background: Array, sums: Array, samples: int) -> None:
+    def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
         """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
 
-        Rays that are not reflected see the background (3,) and are not sent into the world.
+        Rays that are not reflected see BACKGROUND and are not sent into the world.
         """
         going, origins, directions = _reflected(trace.status, trace.points, trace.directions)
         triangles = self.scene.first_hits(origins, directions).triangle
-        _add_colours(going, triangles, directions, len(trace.status), self.shown, background, sums, samples)
+        _add_colours(going, triangles, directions, len(trace.status), self.shown, BACKGROUND, sums, samples)
+
+    def to_display(self, means: Array) -> Picture:
+        """The nearest bytes."""
+        return rounded(means)
 
 
 # On one thread each, and without the interpreter's lock: a few percent of the rays' own time, and callers may have threads.

@@ -1,0 +1,70 @@
+"""Where a mirror is put on a vehicle, and how it is turned there, in; coordinates of the one in the other out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Hand = Literal["left", "right"]
+
+# Columns: the mirror's x (to the right as the driver looks at it), y (up) and z (towards him) in vehicle coordinates.
+STRAIGHT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+SIDEWAYS = np.diag([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A mirror on a vehicle, in the vehicle's coordinates X rearward, Y right, Z up (ISO 4130 has their directions), mm.
+
+        p_vehicle = S·(c + q + T·(p_mirror − q)),   T = Rz(yaw)·Rpitch·STRAIGHT,   all for the left-hand mirror
+
+    centre (3,) : c, where the centre of the mirror's surface is while yaw = pitch = 0.
+    pivot (3,) : q, in mirror coordinates, what it turns about.
+    yaw : about Z, radians; a positive one turns the left mirror's face towards the vehicle, the right one's too.
+    pitch : then about the mirror's own x, radians; a positive one turns its face upwards.
+    hand : the file describes the left mirror; the right one is its reflection in the plane Y = 0 (S), and `centre`, yaw
+    and pitch are those of the left one that it is the reflection of.
+    """
+
+    centre: Array
+    pivot: Array
+    yaw: float = 0.0
+    pitch: float = 0.0
+    hand: Hand = "left"
+
+    @cached_property
+    def rotation(self) -> Array:
+        """Mirror directions to vehicle directions, (3, 3), orthogonal; its determinant is −1 for the right-hand mirror."""
+        cy, sy, cp, sp = np.cos(self.yaw), np.sin(self.yaw), np.cos(self.pitch), np.sin(self.pitch)
+        yaw = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+        # From rearward (X) to up (Z), about Y: the mirror's x before the yaw.
+        pitch = np.array([[cp, 0.0, -sp], [0.0, 1.0, 0.0], [sp, 0.0, cp]])
+        left: Array = yaw @ pitch @ STRAIGHT
+        return SIDEWAYS @ left if self.hand == "right" else left
+
+    @cached_property
+    def offset(self) -> Array:
+        """Where the mirror's origin is in the vehicle, (3,)."""
+        fixed = self.centre + STRAIGHT @ self.pivot
+        return (SIDEWAYS @ fixed if self.hand == "right" else fixed) - self.rotation @ self.pivot
+
+    def to_vehicle(self, points: Array) -> Array:
+        """Points (…, 3) of the mirror in vehicle coordinates."""
+        return points @ self.rotation.T + self.offset
+
+    def to_mirror(self, points: Array) -> Array:
+        """Points (…, 3) of the vehicle in mirror coordinates."""
+        return (points - self.offset) @ self.rotation
+
+    def directions_to_vehicle(self, directions: Array) -> Array:
+        """Directions (…, 3) in the mirror's coordinates, in the vehicle's."""
+        return directions @ self.rotation.T
+
+    def directions_to_mirror(self, directions: Array) -> Array:
+        """Directions (…, 3) in the vehicle's coordinates, in the mirror's."""
+        return directions @ self.rotation
