@@ -1,0 +1,115 @@
+"""What a validation found wrong in, a sentence for people out: what, where, which value, what is allowed, the nearest name."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from mirror_cad.spec_laws import AnyHorizontal, AnyLaw
+
+_LAW_UNIONS = {"horizontal": AnyHorizontal, "vertical": AnyLaw}
+_PLAIN_TYPES = {
+    "float_type": "must be a number", "int_type": "must be a whole number", "string_type": "must be text",
+    "int_from_float": "must be a whole number", "finite_number": "must be finite", "tuple_type": "must be a list",
+    "model_type": "must be a section", "model_attributes_type": "must be a section", "dict_type": "must be a section",
+    "string_pattern_mismatch": "must be letters, digits, '.', '_' and '-' only, up to 64 of them and starting with a "
+                               "letter or digit: it names files, so no path",
+}
+
+
+def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
+    """One validation error as `section.key = value: what is wrong, the allowed range, the nearest name`."""
+    keys = [key for i, key in enumerate(detail["loc"]) if not (i == 1 and detail["loc"][0] in _LAW_UNIONS
+                                                               and key in _law_models(detail["loc"][0]))]
+    where = ".".join(str(key) for key in keys)
+    kind, context = detail["type"], detail.get("ctx", {})
+    value = detail["input"]
+    shown = f"{where} = {_short(value)}" if not isinstance(value, dict) and keys else where
+    if kind == "extra_forbidden":
+        return f"{where}: {_unknown_key(keys, raw, root)}"
+    if kind == "missing":
+        return f"{where}: this key is required{_with_law(keys, raw)}"
+    if kind == "union_tag_not_found":
+        return f"{where}.law: this key is required: one of {', '.join(_law_models(keys[0]))}"
+    if kind == "union_tag_invalid":
+        law = context["tag"]
+        laws = _law_models(keys[0])
+        return f"{where}.law = {_short(law)}: must be one of {', '.join(laws)}{_nearest(law, laws)}"
+    if kind == "literal_error":
+        words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
+        return f"{shown}: must be one of {context['expected']}{_nearest(value, words)}"
+    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        return f"{shown}: must be {_range(keys, raw, context, root)}"
+    if kind == "value_error":
+        message = str(context["error"])
+        return message if message.startswith("outline.") else f"{shown}: {message}" if shown else message
+    if kind in ("too_short", "too_long", "missing_argument"):
+        return f"{shown}: must have {context.get('min_length', context.get('max_length', 'fewer'))} entries"
+    return f"{shown}: {_PLAIN_TYPES.get(kind, detail['msg'])}"
+
+
+def _short(value: Any) -> str:
+    text = f'"{value}"' if isinstance(value, str) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _law_models(section: Any) -> dict[str, type[BaseModel]]:
+    union = get_args(get_args(_LAW_UNIONS[str(section)])[0])
+    return {get_args(model.model_fields["law"].annotation)[0]: model for model in union}
+
+
+def _model_at(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> type[BaseModel] | None:
+    """The model that holds the last of `keys`."""
+    model = root
+    for key in keys[:-1]:
+        if key in _LAW_UNIONS and model is root:
+            law = raw[key].get("law") if isinstance(raw.get(key), dict) else None
+            found = _law_models(key).get(law) if isinstance(law, str) else None
+            if found is None:
+                return None
+            model = found
+            continue
+        field = model.model_fields.get(str(key))
+        candidates = [field.annotation, *get_args(field.annotation)] if field else []
+        nested = [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]
+        if not nested:
+            return None
+        model = nested[0]
+    return model
+
+
+def _range(keys: list[Any], raw: dict[str, Any], context: dict[str, Any], root: type[BaseModel]) -> str:
+    names = [key for key in keys if not isinstance(key, int)]
+    model = _model_at(names, raw, root)
+    field = model.model_fields.get(str(names[-1])) if model else None
+    limits = dict(context)
+    for mark in field.metadata if field else ():
+        limits |= {side: getattr(mark, side) for side in ("gt", "ge", "lt", "le") if hasattr(mark, side)}
+    words = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+    return " and ".join(f"{word} {limits[side]:g}" for side, word in words.items() if side in limits)
+
+
+def _unknown_key(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> str:
+    model, key = _model_at([key for key in keys[:-1] if not isinstance(key, int)] + keys[-1:], raw, root), str(keys[-1])
+    own = list(model.model_fields) if model else []
+    if keys[0] in _LAW_UNIONS and len(keys) == 2:
+        owners = [law for law, other in _law_models(keys[0]).items() if key in other.model_fields]
+        if key == "file":
+            owners = ["table"]
+        if owners:
+            return f"this key belongs to law = {' or '.join(repr(law) for law in owners)}{_with_law(keys, raw)}"
+    return f"unknown key{_nearest(key, own)}"
+
+
+def _with_law(keys: list[Any], raw: dict[str, Any]) -> str:
+    if keys[0] not in _LAW_UNIONS or len(keys) < 2:
+        return ""
+    return f" (the law here is {raw[keys[0]].get('law')!r})"
+
+
+def _nearest(word: Any, names: Any) -> str:
+    names = [str(name) for name in names]
+    near = difflib.get_close_matches(str(word), names, n=1, cutoff=0.5)
+    return f"; did you mean {near[0]!r}?" if near else f"; known here: {', '.join(names)}" if len(names) <= 14 else ""
