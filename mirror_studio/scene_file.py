@@ -21,7 +21,7 @@ Size = Annotated[Number, Field(gt=0, le=1e4)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Degrees = Annotated[Number, Field(ge=-360, le=360)]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
-Unit = Literal["m", "mm"]
+Unit = Literal["mm", "cm", "m", "inch", "foot"]
 
 
 class Listed(Section):
@@ -109,7 +109,8 @@ class RoadSection(Listed):
 
 
 class BodySection(Section):
-    """A body on the ground: one of the package's, or a glTF, OBJ, STL, PLY, OFF or 3MF file beside the scene."""
+    """A body on the ground: one of the package's, or a glTF, OBJ, STL, PLY, OFF or 3MF file beside the scene, whose numbers
+    are mm, or `unit`, with `up` upwards (glTF: metres and y by its standard)."""
 
     body: str
     x_m: Metres
@@ -117,6 +118,7 @@ class BodySection(Section):
     z_m: Metres = 0.0
     heading_deg: Degrees = 0.0
     unit: Unit | None = None
+    up: Literal["z", "y"] = "z"
 
 
 class VehicleSection(BodySection):

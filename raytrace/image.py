@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raytrace.parallel import in_runs
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture
-from raytrace.trace import Trace, reflect
+from raytrace.trace import Status, Trace, reflect
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -111,16 +111,18 @@ def driver_view(reflector: Reflector, eye: Array, scene: Scene, frame: Frame,
     return photograph(reflector, frame.camera(eye), scene, progress, samples)
 
 
-def photograph(reflector: Reflector, camera: Camera, scene: Scene, progress: Callable[[float], None] | None = None,
+def photograph(reflector: Reflector | None, camera: Camera, scene: Scene, progress: Callable[[float], None] | None = None,
                samples: int = SAMPLES) -> tuple[Picture, dict[str, int]]:
-    """The picture that a camera takes of the mirror, (rows, columns, 3) uint8, and how many rays had which status.
+    """The picture that a camera takes of the mirror, (rows, columns, 3) uint8, and how many rays had which status; without
+    a reflector, of the scene alone.
 
     One ray through the middle of every pixel; where that shows a difference of CONTRAST or more to a neighbour, samples²
     rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
     The picture does not depend on the number of threads. `progress` is called with the share that is done; what it raises
     ends the work.
     """
-    if reflector.obstacles_behind:  # they stand in no reflected ray's way, and which ray misses how is not asked
+    if reflector is not None and reflector.obstacles_behind:
+        # They stand in no reflected ray's way, and which ray misses how is not asked.
         reflector = replace(reflector, obstacles=None)
     picture = np.empty((camera.rows, camera.columns, 3), dtype=np.uint8)
     n = camera.rows * camera.columns
@@ -134,7 +136,7 @@ def photograph(reflector: Reflector, camera: Camera, scene: Scene, progress: Cal
     return picture, {name: counts[name] for name in sorted(counts)}
 
 
-def _render(reflector: Reflector, camera: Camera, scene: Scene, pixels: NDArray[np.intp], samples: int, picture: Picture,
+def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: NDArray[np.intp], samples: int, picture: Picture,
             report: Callable[[float], None]) -> Counter[str]:
     """Trace and colour some pixels, samples² rays each."""
     inner = (np.arange(samples) + 0.5) / samples
@@ -149,7 +151,11 @@ def _render(reflector: Reflector, camera: Camera, scene: Scene, pixels: NDArray[
             own.rays, own.trace, own.directions = rays, Trace.empty(rays), np.empty((rays, 3))
             own.sums = np.empty((stop - start, 3))
         _directions(pixels[start:stop], camera.columns, camera.base, camera.across, camera.down, inner, own.directions)
-        trace = reflect(reflector, camera.eye, own.directions, out=own.trace)
+        if reflector is None:
+            own.trace.status[:] = Status.MISSED
+            trace = own.trace
+        else:
+            trace = reflect(reflector, camera.eye, own.directions, out=own.trace)
         own.sums[:] = 0.0
         scene.add_colours(trace, camera.eye, own.directions, own.sums, per_pixel)
         own.sums *= 1.0 / per_pixel
