@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from mirror_cad.errors import SpecError
 from mirror_cad.spec_file import read_toml
@@ -20,8 +21,14 @@ Metres = Annotated[Number, Field(ge=-1e4, le=1e4)]
 Size = Annotated[Number, Field(gt=0, le=1e4)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Degrees = Annotated[Number, Field(ge=-360, le=360)]
-Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
+Colour = Annotated[str, AfterValidator(lambda value: _colour(value))]
 Unit = Literal["mm", "cm", "m", "inch", "foot"]
+
+
+def _colour(value: str) -> str:
+    if not re.fullmatch("#[0-9a-fA-F]{6}", value):
+        raise ValueError("must be a colour #rrggbb, two hexadecimal digits each for red, green and blue")
+    return value
 
 
 class Listed(Section):
