@@ -73,13 +73,13 @@ class AimSection(Section):
 
 
 class OwnVehicleSection(Section):
-    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks."""
+    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks; body "none" has no looks."""
 
     width_m: Size = 1.74
     front_m: Metres = 0.0
     rear_m: Metres = 3.9
     height_m: Size = 2.2
-    body: str | None = "light-truck-flank"
+    body: str = "light-truck-flank"
     paint: Colour | None = None
 
 
@@ -161,7 +161,7 @@ class MeasuredSection(Listed):
     distances_m: tuple[Size, ...] = (20.0, 50.0)
     column: str | None = None
     widths_at_m: tuple[Size, ...] = (4.0, 10.0, 20.0, 30.0)
-    direct_view_deg: Annotated[Number, Field(gt=0, lt=180)] = 100.0
+    direct_view_deg: Annotated[Number, Field(gt=0, lt=180)] = 95.0
     hidden_height_m: Annotated[Number, Field(ge=0, le=10)] = 0.8
 
     @model_validator(mode="after")
@@ -194,7 +194,7 @@ class SceneFile(Listed):
 
         def placed(section: Any) -> Any:
             name = section.body
-            return section if name is None or "." not in name else section.model_copy(update={"body": str(folder / name)})
+            return section if "." not in name else section.model_copy(update={"body": str(folder / name)})
 
         return tuple(placed(section) for section in given) if isinstance(given, tuple) else placed(given)
 

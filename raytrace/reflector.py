@@ -69,6 +69,10 @@ class TrimmedSurface:
 
     def outline(self) -> Array:
         """Points of the loops (n, 3), mm."""
+        return self._edge
+
+    @cached_property
+    def _edge(self) -> Array:
         u_min, u_max, v_min, v_max = self.surface.domain
         return np.concatenate([self.surface.evaluate(np.clip(loop[:, 0], u_min, u_max), np.clip(loop[:, 1], v_min, v_max))
                                for loop in self.loops])

@@ -1,0 +1,189 @@
+"""Measured mirrors in, maps over the mirror and lines in it out, as PNG files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize, TwoSlopeNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from mirror_studio.drive.measured import Measured, turned_figures
+from raytrace.reflector import Reflector
+
+Array = NDArray[np.float64]
+
+INK, SOFT, FAINT = "#1d2329", "#5b6670", "#c6ccd1"
+LEFT_EYE, RIGHT_EYE = "#0072b2", "#d55e00"  # Okabe and Ito: told apart by all
+LANE, COLUMN, HORIZON = "#b58900", "#444c54", "#0072b2"
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#1d2329")
+DPI = 150
+SIZE, SMALL = 9.0, 7.5
+LEVELS = 9
+
+
+def outline_of(reflector: Reflector) -> Array:
+    """The mirror's edge in (x, y), closed, in the order that it is drawn in; mm."""
+    points = reflector.outline()[:, :2]
+    if reflector.only is None:
+        from scipy.spatial import ConvexHull
+
+        points = points[ConvexHull(points).vertices]
+    return np.concatenate([points, points[:1]])
+
+
+def mirror_axes(axes: Axes, reflector: Reflector, title: str, labels: bool) -> None:
+    """Axes over a mirror with its edge, as the driver looks at it."""
+    edge = outline_of(reflector)
+    axes.plot(edge[:, 0], edge[:, 1], color=INK, linewidth=1.0)
+    axes.set_aspect("equal")
+    x, y = 8.0, 8.0
+    axes.set_xlim(edge[:, 0].min() - x, edge[:, 0].max() + x)
+    axes.set_ylim(edge[:, 1].min() - y, edge[:, 1].max() + y)
+    axes.set_title(title, fontsize=SIZE, color=INK)
+    axes.tick_params(labelsize=SMALL, colors=SOFT, length=2.5)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    if labels:
+        axes.set_xlabel("x, mm (driver's side →)", fontsize=SMALL, color=SOFT)
+        axes.set_ylabel("y, mm", fontsize=SMALL, color=SOFT)
+
+
+def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
+    """Horizontal and vertical magnification, their ratio and the binocular disparity: a row for each mirror, one scale for
+    all of them in a column."""
+    columns: Any = (("horizontal magnification", lambda m: m.magnification.magnification.horizontal, "viridis", None),
+                    ("vertical magnification", lambda m: m.magnification.magnification.vertical, "viridis", None),
+                    ("horizontal over vertical", lambda m: m.magnification.magnification.ratio, "PuOr", 1.0),
+                    ("binocular disparity, %", lambda m: m.disparity.percent, "RdBu_r", 0.0))
+    figure = Figure(figsize=(11.0, 0.5 + 3.3 * len(mirrors)), dpi=DPI, layout="constrained")
+    grid: Any = figure.subplots(len(mirrors), len(columns), squeeze=False)
+    for j, (title, values_of, colours, centre) in enumerate(columns):
+        values = [values_of(each) for each in mirrors]
+        norm = _scale(values, centre)
+        image = None
+        for i, (each, field) in enumerate(zip(mirrors, values, strict=True)):
+            axes = grid[i, j]
+            x, y = (each.magnification.x, each.magnification.y) if j < 3 else (each.disparity.x, each.disparity.y)
+            image = axes.pcolormesh(x, y, np.ma.masked_invalid(field), cmap=colormaps[colours], norm=norm, shading="nearest",
+                                    rasterized=True)
+            if np.isfinite(field).any() and float(np.ptp(field[np.isfinite(field)])) > 1e-3:
+                lines = axes.contour(x, y, np.ma.masked_invalid(field), levels=_levels(norm), colors=INK, linewidths=0.5)
+                axes.clabel(lines, fontsize=6, fmt="%g")
+            mirror_axes(axes, each.mirror.reflector, title if i == 0 else "", labels=i == len(mirrors) - 1)
+            if j == 0:
+                axes.annotate(each.mirror.name, (0.0, 0.5), xycoords="axes fraction", xytext=(-46, 0), rotation=90, ha="right",
+                              textcoords="offset points", va="center", fontsize=SIZE, fontweight="bold", color=INK)
+        if image is not None:
+            bar = figure.colorbar(image, ax=grid[:, j], location="bottom", shrink=0.85, aspect=28, pad=0.01)
+            bar.ax.tick_params(labelsize=SMALL, colors=SOFT)
+    save(figure, path)
+
+
+def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
+    """What a 1° grid of the far world, the horizon, lane lines and the column look like in each mirror, seen from between
+    the eyes."""
+    figure = Figure(figsize=(min(3.4 * len(mirrors), 13.6), 4.9 * (1 + (len(mirrors) - 1) // 4)), dpi=DPI, layout="constrained")
+    grid: Any = figure.subplots(1 + (len(mirrors) - 1) // 4, min(len(mirrors), 4), squeeze=False)
+    for axes in grid.ravel()[len(mirrors):]:
+        axes.set_axis_off()
+    for axes, each in zip(grid.ravel(), mirrors, strict=False):
+        mirror_axes(axes, each.mirror.reflector, each.mirror.name, labels=axes is grid[-1, 0])
+        found = each.grid
+        inside = _spread(found.shown)
+        places = np.where(inside[..., None], found.places, np.nan)
+        for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
+            for line, angle in zip(lines, degrees, strict=True):
+                fifth = round(float(angle)) % 5 == 0
+                axes.plot(line[:, 0], line[:, 1], color=FAINT if not fifth else "#8d979f", linewidth=0.35 if not fifth else 0.7)
+        horizon = np.flatnonzero(np.abs(found.elevation_deg) < 1e-9)
+        if horizon.size:
+            axes.plot(*places[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
+        if each.bow is not None:
+            axes.plot(*each.bow.image.places.T, color=LANE, linewidth=1.8, label="lane line")
+            ends = each.bow.image.places[[0, -1]]
+            axes.plot(*ends.T, color=LANE, linewidth=0.7, linestyle=(0, (4, 3)), label="its chord")
+        if each.tilt is not None:
+            axes.plot(*each.tilt.image.places.T, color=COLUMN, linewidth=2.2, label="column")
+        edge = outline_of(each.mirror.reflector)
+        axes.fill(np.concatenate([edge[:, 0], _around(axes)[:, 0]]), np.concatenate([edge[:, 1], _around(axes)[:, 1]]),
+                  color="white", zorder=3, linewidth=0)
+        axes.plot(edge[:, 0], edge[:, 1], color=INK, linewidth=1.2, zorder=4)
+        if axes is grid[0, 0]:
+            axes.legend(fontsize=SMALL, loc="lower left", frameon=False).set_zorder(5)
+    save(figure, path)
+
+
+def _around(axes: Axes) -> Array:
+    """The corners of the axes' box, the other way round than an outline, so that what lies between is filled."""
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    return np.array([[x0, y0], [x0, y1], [x1, y1], [x1, y0], [x0, y0]])
+
+
+def _spread(shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Nodes that are shown, and those beside them: lines are drawn up to the edge."""
+    found = shown.copy()
+    for axis in (0, 1):
+        for shift in (1, -1):
+            moved = np.roll(shown, shift, axis=axis)
+            edge = [slice(None), slice(None)]
+            edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
+            moved[tuple(edge)] = False
+            found |= moved
+    return found
+
+
+def _scale(fields: Sequence[Array], centre: float | None) -> Normalize:
+    """One scale for fields; about a value that has no colour, if there is one."""
+    known = np.concatenate([field[np.isfinite(field)] for field in fields])
+    if known.size == 0:
+        return Normalize(0.0, 1.0)
+    low, high = float(known.min()), float(known.max())
+    if centre is None:
+        return Normalize(low if high - low > 1e-6 else low - 0.5, high if high - low > 1e-6 else high + 0.5)
+    reach = max(high - centre, centre - low, 1e-3)
+    return TwoSlopeNorm(centre, centre - reach, centre + reach)
+
+
+def _levels(norm: Normalize) -> Array:
+    low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
+    rough = (high - low) / LEVELS
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough)
+    levels: Array = np.arange(np.ceil(low / step), np.floor(high / step) + 1.0) * step
+    return levels
+
+
+def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
+    """What the horizon's row shows, and how long the lane beside is in no view, while the mirrors are turned."""
+    figure = Figure(figsize=(11.0, 3.4), dpi=DPI, layout="constrained")
+    grid: Any = figure.subplots(1, 2)
+    for k, each in enumerate(mirrors):
+        colour = PALETTE[k % len(PALETTE)]
+        turned = turned_figures(each)
+        yaw = np.array(turned["yaw_deg"])
+        low, high = (np.array(turned[f"azimuth_{end}_deg"], dtype=np.float64) for end in ("from", "to"))
+        grid[0].fill_between(yaw, low, high, color=colour, alpha=0.10, linewidth=0)
+        for edge in (low, high):
+            grid[0].plot(yaw, edge, color=colour, linewidth=1.3, label=each.mirror.name if edge is low else None)
+        grid[1].plot(yaw, np.array(turned["blind_length_m"], dtype=np.float64), color=colour, linewidth=1.5)
+    for axes, title in zip(grid, ("azimuths shown on the horizon's row, ° from straight rearward (+ to the right)",
+                                  "length of the lane beside that is in no view, m"), strict=True):
+        axes.set_title(title, fontsize=SIZE, color=INK, loc="left")
+        axes.set_xlabel("yaw beside the aim, ° (+ turns the face towards the vehicle)", fontsize=SMALL, color=SOFT)
+        axes.tick_params(labelsize=SMALL, colors=SOFT, length=2.5)
+        axes.grid(color="#e8ebed", linewidth=0.6)
+        axes.axvline(0.0, color=SOFT, linewidth=0.7)
+        for spine in axes.spines.values():
+            spine.set_color(FAINT)
+    figure.legend(loc="outside lower center", ncols=max(1, len(mirrors)), fontsize=SMALL, frameon=False)
+    save(figure, path)
+
+
+def save(figure: Figure, path: Path) -> None:
+    figure.savefig(path, dpi=DPI, metadata={"Software": None})

@@ -1,0 +1,96 @@
+"""A preset, specification, STEP or mesh file and a scene in, the mirror as it is aimed on the vehicle out."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from mirror_cad.errors import SpecError
+from mirror_cad.mirror import design
+from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_file import load_spec
+from mirror_studio.drive.world import eyes_of, own_vehicle_of, pose_of
+from mirror_studio.scene_file import AimSection, SceneFile
+from raytrace.aim import Aim, aimed, shown_aim
+from raytrace.bezel import under_bezel
+from raytrace.measures.eye_views import EyeViews
+from raytrace.pose import Pose
+from raytrace.reflector import Reflector, load_reflector
+from raytrace.vehicle import Eyes, OwnVehicle
+
+FILES = (".step", ".stp", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenMirror:
+    """A mirror on the driver's vehicle: what of it reflects and is seen, its pose, and who looks at it.
+
+    whole : the reflector without its bezel.   spec : what it was designed from, if it was.
+    """
+
+    name: str
+    whole: Reflector
+    reflector: Reflector
+    pose: Pose
+    eyes: Eyes
+    own: OwnVehicle
+    spec: MirrorSpec | None = None
+
+    @cached_property
+    def views(self) -> EyeViews:
+        """Seen by the left eye, from the middle between the eyes, and by the right eye."""
+        return EyeViews.of(self.reflector, self.pose, self.eyes)
+
+    def turned(self, yaw: float, pitch: float) -> DrivenMirror:
+        """The mirror with its yaw and pitch changed by angles, radians."""
+        return replace(self, pose=replace(self.pose, yaw=self.pose.yaw + yaw, pitch=self.pose.pitch + pitch))
+
+    def shown(self) -> Aim:
+        """Where the flank's end and the horizon are seen."""
+        return shown_aim(self.reflector, self.pose, self.eyes.middle, self.own.rear_edge(self.pose.hand))
+
+
+def driven_mirror(name_or_path: str, scene: SceneFile) -> DrivenMirror:
+    """Read or design a mirror, and aim it as the scene says. A designed one is traced as read back from its STEP file.
+
+    Raises: MirrorError that says what is wrong with it.
+    """
+    path = Path(name_or_path)
+    spec = None
+    if path.suffix.lower() in FILES:
+        name, reflector = path.stem, load_reflector(path, normals="interpolated")
+    else:
+        spec = load_spec(name_or_path)
+        name, reflector = spec.name, exported(spec)
+    return on_vehicle(name, reflector, scene, spec)
+
+
+def exported(spec: MirrorSpec) -> Reflector:
+    """The mirror of a specification, from the STEP file that it is exported to."""
+    mirror = design(spec)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{spec.name}.step"
+        mirror.export_step(path)
+        return load_reflector(path, index=spec.glass.index)
+
+
+def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:
+    """A reflector under the scene's bezel, aimed as the scene says."""
+    reflector = under_bezel(whole, 1000.0 * scene.mirror.bezel_over_m)
+    eyes, own, pose = eyes_of(scene), own_vehicle_of(scene), pose_of(scene)
+    if scene.mirror.yaw_deg is None:
+        wanted = scene.aim or AimSection()
+        pose = aimed(reflector, pose, eyes.middle, own.rear_edge(pose.hand), Aim(wanted.flank_share, wanted.horizon_share))
+    mirror = DrivenMirror(name, whole, reflector, pose, eyes, own, spec)
+    mirror.views  # noqa: B018  an eye that cannot look into it is refused here
+    return mirror
+
+
+def named_apart(mirrors: list[DrivenMirror]) -> None:
+    """Raise SpecError where two mirrors would write the same files."""
+    names = [mirror.name for mirror in mirrors]
+    for name in names:
+        if names.count(name) > 1:
+            raise SpecError(f"two of the mirrors are called {name!r}: rename one, its name names its files")

@@ -1,0 +1,83 @@
+"""Mirrors and a scene in, a set of files out: what the driver sees in each, all measures, drawings, and a sheet of it all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from mirror_studio.drive import drawings
+from mirror_studio.drive.measured import Measured, figures, main_figures, measure, subject_of
+from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
+from mirror_studio.drive.pictures import World, both_eyes
+from mirror_studio.drive.plan import ground_plans
+from mirror_studio.drive.sensitivity import sensitivity
+from mirror_studio.drive.sheet import write_sheet
+from mirror_studio.drive.table import write_csv
+from mirror_studio.drive.world import MM
+from mirror_studio.folder import MANIFEST, new_set
+from mirror_studio.pipeline import hashes, spec_as_json, versions, write_json, write_png
+from mirror_studio.progress import Progress
+from mirror_studio.scene_file import SceneFile
+
+Array = NDArray[np.float64]
+
+
+def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress) -> dict[str, Any]:
+    """Make the files of some mirrors in one scene in `out`, which is replaced as a whole; returns what measures.json holds.
+
+    Raises: MirrorError, with nothing written.
+    """
+    mirrors: list[DrivenMirror] = []
+    for name in names:
+        progress.step(f"{name}: making and aiming")
+        mirrors.append(driven_mirror(name, scene))
+    named_apart(mirrors)
+    progress.step(f"{scene.name}: reading bodies")
+    world = World(scene)
+    bodies = {name: body for name, body in world.named if name}
+    subject = subject_of(scene, bodies)
+    with new_set(out) as folder:
+        measured, changes, rays = [], [], {}
+        for mirror in mirrors:
+            progress.step(f"{mirror.name}: what both eyes see")
+            picture, rays[mirror.name] = both_eyes(mirror, world, progress.share)
+            write_png(folder / f"{mirror.name}.png", picture)
+            progress.step(f"{mirror.name}: measures")
+            measured.append(measure(mirror, subject))
+            progress.step(f"{mirror.name}: sensitivity")
+            changes.append(sensitivity(mirror, lambda each: main_figures(each, subject), MM * scene.mirror.bezel_over_m))
+        progress.step("drawings and sheet")
+        content = _write(folder, scene, measured, changes, rays,
+                         [(name, _footprint(body.vertices)) for name, body in bodies.items()])
+    progress.step(f"done: open {out / 'index.html'}")
+    return content
+
+
+def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, dict[str, float | None]]],
+           rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]]) -> dict[str, Any]:
+    found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name]}
+             for each, change in zip(measured, changes, strict=True)]
+    drawings.magnification_maps(folder / "maps.png", measured)
+    drawings.line_drawings(folder / "lines.png", measured)
+    drawings.turned_drawing(folder / "turned.png", measured)
+    ground_plans(folder / "plan.png", measured, scene, footprints)
+    names = [each.mirror.name for each in measured]
+    content = dict(zip(names, found, strict=True))
+    write_json(folder / "measures.json", content)
+    write_csv(folder / "measures.csv", names, found)
+    write_sheet(folder / "index.html", scene, measured, found)
+    specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
+    write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
+                                   "versions": versions(), "files": hashes(folder)})
+    return content
+
+
+def _footprint(vertices: Array) -> Array:
+    flat = vertices[:, :2]
+    corners: Array = flat[ConvexHull(flat).vertices]
+    return corners
