@@ -12,7 +12,7 @@ from raytrace.errors import TraceError
 from raytrace.pose import Pose
 from raytrace.reflector import Reflector
 from raytrace.trace import Status, reflect
-from raytrace.view import box_of, sheet_of
+from raytrace.view import box_of
 
 Array = NDArray[np.float64]
 
@@ -65,14 +65,13 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
                          f"{0.5 * (x_min + x_max):.1f}, y = {y:.1f} mm, where flank_share = {wanted.flank:g} and "
                          f"horizon_share = {wanted.horizon:g} lie")
 
-    sheet = sheet_of(reflector)
 
     def off(turn: Array) -> Array:
         turned = replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
-        beside, rise = _past_edge_and_rise(sheet, turned, eye, edge, places)
+        beside, rise = _past_edge_and_rise(reflector.sheet, turned, eye, edge, places)
         return np.array([beside[0], rise[1]])
 
-    turn = _straight_back(sheet, pose, eye, places[1])
+    turn = _straight_back(reflector, pose, eye, places[1])
     for _ in range(MOST_STEPS):
         now = off(turn)
         if not np.isfinite(now).all():
@@ -97,12 +96,10 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
 def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> Aim:
     """Where the eye sees the end of the flank and the horizon in a posed mirror; NaN for what it does not show."""
     x_min, x_max, y_min, y_max = box_of(reflector)
-    sheet = sheet_of(reflector)
-    bare, above = _bare(sheet), _above(reflector)
 
     def at(x: Array | float, y: Array | float) -> tuple[Array, Array]:
-        places = _dropped(bare, above, *np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
-        return _past_edge_and_rise(sheet, pose, eye, edge, places)
+        places = surface_points(reflector, *np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
+        return _past_edge_and_rise(reflector.sheet, pose, eye, edge, places)
 
     row = _root(lambda y: at(0.5 * (x_min + x_max), y)[1], y_min, y_max)
     column = _root(lambda x: at(x, row)[0], x_min, x_max)
@@ -110,25 +107,14 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
 
 
 def surface_points(reflector: Reflector, x: Array, y: Array) -> Array:
-    """Points (n, 3) of what reflects at (x, y), in mirror coordinates; NaN where it has none. Of a B-spline, of its sheet."""
-    return _dropped(_bare(sheet_of(reflector)), _above(reflector), x, y)
-
-
-def _dropped(bare: Reflector, above: float, x: Array, y: Array) -> Array:
+    """Points (n, 3) of what reflects at (x, y), in mirror coordinates, without glass before it; NaN where it has none. Of a
+    single face those of its whole sheet."""
+    outline = reflector.outline()
+    # From above all that reflects: facets and bulges are higher than the outline by less than its size.
+    above = outline[:, 2].max() + np.linalg.norm(outline.max(axis=0) - outline.min(axis=0))
     down = np.zeros((len(x), 3))
     down[:, 2] = -1.0
-    return reflect(bare, np.stack([x, y, np.full(len(x), above)], axis=1), down).points
-
-
-def _bare(sheet: Reflector) -> Reflector:
-    """What reflects, without glass before it."""
-    return Reflector(sheet.surfaces, sheet.mesh, sheet.normals)
-
-
-def _above(reflector: Reflector) -> float:
-    """A z above all that reflects, mm: facets and bulges are higher than the outline by less than its size."""
-    outline = reflector.outline()
-    return float(outline[:, 2].max() + np.linalg.norm(outline.max(axis=0) - outline.min(axis=0)))
+    return reflect(reflector.bare_sheet, np.stack([x, y, np.full(len(x), above)], axis=1), down).points
 
 
 def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
@@ -145,9 +131,9 @@ def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge
     return np.where(seen, past, np.nan), np.where(seen, rise, np.nan)
 
 
-def _straight_back(sheet: Reflector, pose: Pose, eye: Array, place: Array) -> Array:
+def _straight_back(reflector: Reflector, pose: Pose, eye: Array, place: Array) -> Array:
     """Yaw and pitch, about, at which the normal at a point (3,) of the surface halves the angle from the eye to rearward."""
-    normal = reflect(_bare(sheet), place + np.array([0.0, 0.0, 10.0]), np.array([[0.0, 0.0, -1.0]])).normals[0]
+    normal = reflect(reflector.bare_sheet, place + np.array([0.0, 0.0, 10.0]), np.array([[0.0, 0.0, -1.0]])).normals[0]
     if not np.isfinite(normal).all():
         normal = np.array([0.0, 0.0, 1.0])
     to_eye = eye - replace(pose, yaw=0.0, pitch=0.0).to_vehicle(place)

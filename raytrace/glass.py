@@ -92,9 +92,3 @@ def _from_before(reflector: Reflector, points: Array, directions: Array) -> Trac
 def _faces(front: Face, back: Face) -> tuple[Reflector, Reflector, Reflector]:
     """Front from the air, back, and front from either side, each with the start meshes that it makes once."""
     return tuple(Reflector((face,)) for face in (front, back, replace(front, one_sided=False)))  # type: ignore[return-value]
-
-
-def untrimmed(face: TrimmedSurface) -> TrimmedSurface:
-    """The same face without its trimming: all of the sheet that it was cut from."""
-    u_min, u_max, v_min, v_max = face.surface.domain
-    return replace(face, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))

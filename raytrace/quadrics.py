@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +38,17 @@ class TrimmedQuadric:
     def outline(self) -> Array:
         """Points of the loops (n, 3), mm."""
         return np.concatenate([self.quadric.evaluate(*loop.T) for loop in self.loops])
+
+    def untrimmed(self) -> TrimmedQuadric:
+        """A part of the same quadric that reaches farther than its loops by half of their size, on every side."""
+        u_min, u_max, v_min, v_max = self.trimming.box
+        more_u, more_v = 0.5 * (u_max - u_min), 0.5 * (v_max - v_min)
+        low, high, bottom, top = u_min - more_u, u_max + more_u, v_min - more_v, v_max + more_v
+        if self.quadric.kind != "plane" and high - low > TURN:
+            low, high = u_min, u_min + TURN
+        if self.quadric.kind == "sphere":
+            bottom, top = max(bottom, -0.5 * np.pi), min(top, 0.5 * np.pi)
+        return replace(self, loops=(np.array([[low, bottom], [high, bottom], [high, top], [low, top]]),))
 
     def nearest(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
         """Where rays from origins (n, 3) along unit directions (n, 3) first meet it inside its loops.

@@ -77,6 +77,11 @@ class TrimmedSurface:
         return np.concatenate([self.surface.evaluate(np.clip(loop[:, 0], u_min, u_max), np.clip(loop[:, 1], v_min, v_max))
                                for loop in self.loops])
 
+    def untrimmed(self) -> TrimmedSurface:
+        """The same face without its trimming: all of the sheet that it was cut from."""
+        u_min, u_max, v_min, v_max = self.surface.domain
+        return replace(self, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))
+
     @cached_property
     def start_mesh(self) -> tuple[SurfaceMesh, Array]:
         """Where Newton starts: two coarse meshes, one to either side of the surface by SHELL times what their facets are off
@@ -159,6 +164,20 @@ class Reflector:
     def only(self) -> TrimmedSurface | None:
         """The surface, where there is one alone and it is a B-spline."""
         return self.splines[0] if len(self.surfaces) == len(self.splines) == 1 else None
+
+    @cached_property
+    def sheet(self) -> Reflector:
+        """The sheet that a single face was cut from, with the whole front where there is glass, and nothing in the way; of
+        several faces, or a mesh, what reflects."""
+        if len(self.surfaces) != 1:
+            return replace(self, obstacles=None)
+        glass = None if self.glass is None else replace(self.glass, front=self.glass.front.untrimmed())
+        return Reflector((self.surfaces[0].untrimmed(),), glass=glass)
+
+    @cached_property
+    def bare_sheet(self) -> Reflector:
+        """The same without glass before it."""
+        return self.sheet if self.glass is None else replace(self.sheet, glass=None)
 
     @cached_property
     def mesh_scene(self) -> TriangleScene:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
-from raytrace.glass import untrimmed
 from raytrace.pose import Pose
 from raytrace.reflector import Reflector
 from raytrace.trace import Status, reflect
@@ -78,7 +77,7 @@ class View:
     @cached_property
     def whole(self) -> View:
         """The same view of the sheet that the mirror was cut from, where it is known, and with nothing before it."""
-        return replace(self, reflector=sheet_of(self.reflector))
+        return replace(self, reflector=self.reflector.sheet)
 
     def sight(self, places: Array) -> Sight:
         """What rays through places (n, 2) meet."""
@@ -127,7 +126,8 @@ class View:
         wanted = targets / np.linalg.norm(targets, axis=1, keepdims=True) if at_infinity else targets
         for begin in range(0, len(targets), STARTS_AT_ONCE):
             part = wanted[begin:begin + STARTS_AT_ONCE]
-            alike = part @ first.directions.T if at_infinity else _alike(part, first)
+            # Not by BLAS: its threads would spin beside those that trace.
+            alike = np.einsum("ij,kj->ik", part, first.directions) if at_infinity else _alike(part, first)
             places[begin:begin + STARTS_AT_ONCE] = starts[np.argmax(alike, axis=1)]
         found = self._newton(places, wanted, at_infinity)
         places[~found] = np.nan
@@ -156,7 +156,7 @@ class View:
             best[going[better]] = now[better]
             kept[going[better]] = places[going[better]]
             found[going] = best[going] <= PASSES_BY
-            a, b = (missed[:, 1] - missed[:, 2]) / (2.0 * step), (missed[:, 3] - missed[:, 4]) / (2.0 * step)
+            a, b = (_slope(missed[:, 0], missed[:, k], missed[:, k + 1], step) for k in (1, 3))
             with np.errstate(divide="ignore", invalid="ignore"):
                 determinant = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
                 move = -np.stack([missed[:, 0, 0] * b[:, 1] - missed[:, 0, 1] * b[:, 0],
@@ -186,13 +186,11 @@ class View:
         return result
 
 
-def sheet_of(reflector: Reflector) -> Reflector:
-    """The sheet that a reflector was cut from, where it is one B-spline without glass, and else what reflects; with nothing
-    in the way."""
-    only = reflector.only
-    if only is None or reflector.glass is not None:
-        return replace(reflector, obstacles=None)
-    return Reflector((untrimmed(only),))
+def _slope(here: Array, after: Array, before: Array, step: float) -> Array:
+    """Derivatives (n, 2) by central differences, or to the one side on which there is a value."""
+    slope = (after - before) / (2.0 * step)
+    slope = np.where(np.isfinite(slope), slope, (after - here) / step)
+    return np.where(np.isfinite(slope), slope, (here - before) / step)
 
 
 def box_of(reflector: Reflector) -> Box:

@@ -23,7 +23,7 @@ from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_studio.cli import run
 from raytrace.eye import eye_position
-from raytrace.glass import refract, trace_through, untrimmed
+from raytrace.glass import refract, trace_through
 from raytrace.measures.field_of_view import GlassSheets, angle_between, reflected_at, towards, traced_fields_of_view
 from raytrace.measures.ghost import ghost, reflectance
 from raytrace.reflector import FRONT_FACE, OPTICAL_FACE, TrimmedSurface
@@ -60,7 +60,7 @@ def cap(radius: float, offset: float = 0.0, half: tuple[float, float] = (150.0, 
         return np.stack([x, y, np.zeros_like(x)], axis=-1) + offset * normal + np.stack(
             [0.0 * x, 0.0 * x, np.sign(radius) * (np.sqrt(radius**2 - x**2 - y**2) - abs(radius))], axis=-1)
 
-    return untrimmed(TrimmedSurface(collocate(place, knots[0], knots[1], degree), (np.zeros((1, 2)),)))
+    return TrimmedSurface(collocate(place, knots[0], knots[1], degree), (np.zeros((1, 2)),)).untrimmed()
 
 
 def sheets(radius: float, index: float = INDEX, thickness_mm: float = T_MM) -> GlassSheets:
@@ -242,8 +242,8 @@ def test_total_reflection_inside_blocks_the_ray() -> None:
     tilted = cap(np.inf).surface.poles.copy()
     tilted[..., 2] += np.tan(np.radians(22.0)) * tilted[..., 0]
     flat = cap(np.inf).surface
-    back = untrimmed(TrimmedSurface(type(flat)(flat.degree_u, flat.degree_v, flat.knots_u, flat.knots_v, tilted),
-                                    (np.zeros((1, 2)),)))
+    back = TrimmedSurface(type(flat)(flat.degree_u, flat.degree_v, flat.knots_u, flat.knots_v, tilted),
+                          (np.zeros((1, 2)),)).untrimmed()
     eye = np.array([[0.0, 0.0, 500.0]])
     assert trace_through(front, back, 1.2, eye, np.array([[0.0, 0.0, -1.0]])).status.tolist() == [Status.REFLECTED]
     assert trace_through(front, back, INDEX, eye, np.array([[0.0, 0.0, -1.0]])).status.tolist() == [Status.BLOCKED]

@@ -1,0 +1,86 @@
+"""A box on the road and a view in, how large the driver sees it in the mirror, in a flat one and without, out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.measures.field_of_view import angle_between
+from raytrace.measures.magnification import smooth
+from raytrace.vehicle import OwnVehicle
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+
+ARCMIN = float(np.degrees(1.0)) * 60.0
+DISTANCES_MM = (20_000.0, 50_000.0)  # behind the ocular points
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """The front of a following vehicle: an upright rectangle on the ground, across the road, mm.
+
+    width_mm, height_mm : its size.   y_mm : of its middle, to the right of the own vehicle's median plane.
+    """
+
+    width_mm: float
+    height_mm: float
+    y_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class AngularSize:
+    """How large a face is seen, arc minutes: `width` between its sides at half its height, `height` between its lower and
+    upper edge at half its width.
+
+    distance_mm : X of the face, behind the ocular points.   mirror : in the mirror, None where it does not show the whole
+    face.   flat : in a flat mirror in its place, tangent to it where it shows the middle of the face; None where it does
+    not.   direct : by an eye that looks round, from the same point.
+    """
+
+    distance_mm: float
+    mirror: tuple[float, float] | None
+    flat: tuple[float, float] | None
+    direct: tuple[float, float]
+
+
+def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTANCES_MM, own: OwnVehicle | None = None,
+                  ) -> tuple[AngularSize, ...]:
+    """How large a face is seen at each distance; each size is the angle between two directions of the eye.
+
+    The directions are those in which the mirror shows the middles of the face's sides and edges, found on exact rays. It
+    shows the whole face where these four and the four corners lie inside the outline and `own` hides none of them. A mesh
+    stands for the smooth surface that its vertices lie on.
+    """
+    view = smooth(view)
+    across, up = np.meshgrid([-0.5, 0.0, 0.5], [0.0, 0.5, 1.0])
+    points = np.stack([np.zeros(9), face.y_mm + face.width_mm * across.ravel(), face.height_mm * up.ravel()], axis=1)
+    targets = np.concatenate([points + [distance, 0.0, 0.0] for distance in distances_mm])
+    places, shown = view.find(targets)
+    sight = view.sight(places)
+    if own is not None:
+        shown &= ~own.hides(sight.points, targets)
+    seen = view.towards(places)
+    found = []
+    for k, distance in enumerate(distances_mm):
+        these = slice(9 * k, 9 * k + 9)
+        middle = 9 * k + 4
+        mirror = _size(seen[these]) if shown[these].all() else None
+        flat = None
+        if sight.seen[middle]:
+            # What a flat mirror shows is seen as from the eye's own image in it.
+            normal = sight.directions[middle] - seen[middle]
+            normal /= np.linalg.norm(normal)
+            image = view.eye - 2.0 * ((view.eye - sight.points[middle]) @ normal) * normal
+            flat = _size(targets[these] - image)
+        found.append(AngularSize(float(distance), mirror, flat, _size(targets[these] - view.eye)))
+    return tuple(found)
+
+
+def _size(directions: Array) -> tuple[float, float]:
+    """The angles between left and right and between bottom and top of directions to the face's nine points, arc minutes."""
+    units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return ARCMIN * angle_between(units[3], units[5]), ARCMIN * angle_between(units[1], units[7])

@@ -1,0 +1,202 @@
+"""A view in, by how much the mirror makes things look smaller at each of its places, across and upright, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.aim import surface_points
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Radians to either side of a ray, 0.08 mm of a mirror at the driver's distance: rounding gives the derivatives 1e-10 of
+# their size, and where the law of curvature breaks they are wrong over no more than that width.
+TURN = 1e-4
+FACETS = 2.0  # sides of a mesh's facets that one turn spans: within a facet the normals' slope is that of noise
+WIDEST_SPAN = 0.05  # of the mirror's width, where facets are large because the mirror is flat
+CREASE = np.radians(60.0)  # between neighbouring reflected rays: normals 30° apart are those of two faces, as in mesh_normals
+COLUMNS, ROWS = 41, 61  # of a map
+
+
+@dataclass(frozen=True, eq=False)
+class RayDifferentials:
+    """How the rays through n places leave when the eye turns a little. Rows of places that show nothing are NaN.
+
+    Both the eye's ray and the one that leaves have a frame across them: to the right as one looks along the ray, level, and
+    upward from there. With ω the eye's direction, d the reflected one and P where the ray leaves the mirror:
+
+    jacobian (n, 2, 2) : ∂d/∂ω from the eye's frame to that of d, pure numbers; orthogonal for a flat mirror.
+    shift (n, 2, 2) : the part of ∂P/∂ω across d, mm a radian; `path_mm` times an orthogonal matrix where there is no glass.
+    path_mm (n,) : from the eye to P, straight.   seen (n,) : whether the mirror shows anything there.
+    Source: H. Igehy, Tracing ray differentials (1999); docs/derivations/what-the-eye-sees.md.
+    """
+
+    jacobian: Array
+    shift: Array
+    path_mm: Array
+    seen: Mask
+
+    def at(self, distance_mm: float = np.inf) -> Magnification:
+        """Magnification of small objects across the ray, `distance_mm` from where it leaves the mirror; far ones by default.
+
+        A far object of extent e (radians) is seen with the extent J⁻¹·e; one of e mm at the distance D with
+        (shift + D·J)⁻¹·e. A flat mirror at the same place shows |e|, or |e|/(a + D), a being `path_mm`.
+        """
+        if np.isinf(distance_mm):
+            return Magnification(*_seen_sizes(self.jacobian))
+        reach = (self.path_mm + distance_mm)[:, None, None]
+        return Magnification(*_seen_sizes((self.shift + distance_mm * self.jacobian) / reach))
+
+    @cached_property
+    def widening(self) -> Array:
+        """√|det J|, (n,): times as wide, in the mean of its directions, is a narrow cone from the eye once reflected."""
+        return np.sqrt(np.abs(_determinant(self.jacobian)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Magnification:
+    """Seen size over the size that a flat mirror at the same place would show; NaN where nothing is shown.
+
+    horizontal, vertical : of small objects that lie level and across the ray, and upright from there.
+    area : of the solid angle; its root is the mean of the directions.
+    """
+
+    horizontal: Array
+    vertical: Array
+    area: Array
+
+    @property
+    def ratio(self) -> Array:
+        """Horizontal over vertical: below 1, things look slimmer than they are."""
+        return self.horizontal / self.vertical
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MagnificationMap:
+    """Magnification over a mirror: at x (columns,) and y (rows,), mm on the surface in mirror coordinates, (rows, columns)
+    each; places (rows, columns, 2) are where the eye sees it."""
+
+    x: Array
+    y: Array
+    places: Array
+    magnification: Magnification
+
+
+def ray_differentials(view: View, places: Array) -> RayDifferentials:
+    """Derivatives of the rays through places (n, 2) by the eye's direction, from exact rays beside them.
+
+    Central differences of the fourth order; beside a crease or an edge beyond which nothing can be traced, of the second, to
+    one side if need be. On a mesh, whatever its normals, they are those of the smooth surface that its vertices lie on, and
+    the turns span FACETS facets, since what is between vertices is right in the mean only.
+    """
+    n = len(places)
+    jacobian, shift, path = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
+    view = smooth(view)
+    sight = view.sight(places)
+    index = np.flatnonzero(sight.seen)
+    if index.size:
+        towards = view.towards(places[index])
+        turn = TURN if view.reflector.mesh is None else facet_span(view) / float(np.linalg.norm(view.eye_in_mirror))
+        ends, ways = _beside(view, towards, turn)
+        beyond = np.einsum("nijk,nk->nij", ways, sight.directions[index]) < np.cos(CREASE)
+        ends[beyond] = ways[beyond] = np.nan
+        across = np.stack(frame(sight.directions[index]), axis=1)
+        jacobian[index] = np.einsum("nik,njk->nij", across, _derivative(ways, sight.directions[index], turn))
+        shift[index] = np.einsum("nik,njk->nij", across, _derivative(ends, sight.points[index], turn))
+        path[index] = np.linalg.norm(sight.points[index] - view.eye, axis=1)
+    return RayDifferentials(jacobian, shift, path, sight.seen)
+
+
+def magnification_map(view: View, distance_mm: float = np.inf, columns: int = COLUMNS, rows: int = ROWS) -> MagnificationMap:
+    """`RayDifferentials.at` at the middles of columns × rows equal cells of the mirror's box."""
+    x, y, places = mirror_grid(view, columns, rows)
+    found = ray_differentials(view, places.reshape(-1, 2)).at(distance_mm)
+    shaped = Magnification(*(part.reshape(rows, columns) for part in (found.horizontal, found.vertical, found.area)))
+    return MagnificationMap(x, y, places, shaped)
+
+
+def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Array]:
+    """Middles x (columns,) and y (rows,) of equal cells of the mirror's box, and the places (rows, columns, 2) that the
+    eye looks through at them; NaN where the mirror has no surface."""
+    x_min, x_max, y_min, y_max = view.box
+    x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
+    y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
+    at_x, at_y = np.meshgrid(x, y)
+    return x, y, places_over(view, at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)
+
+
+def places_over(view: View, x: Array, y: Array) -> Array:
+    """Places (n, 2) through which the eye looks at what reflects at (x, y), without glass before it; NaN where nothing
+    does, neither inside the outline nor on the sheet beyond."""
+    return view.places_of(surface_points(view.reflector, x, y))
+
+
+def facet_span(view: View) -> float:
+    """What differences on a mesh span, mm: FACETS sides of its facets, of the mean area."""
+    mesh = view.reflector.mesh
+    assert mesh is not None  # asked for only with one
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    area = float(np.mean(np.linalg.norm(np.cross(b - a, c - a), axis=1)))  # of two facets: a square's side is its root
+    return min(FACETS * float(np.sqrt(area)), WIDEST_SPAN * (view.box[1] - view.box[0]))
+
+
+def smooth(view: View) -> View:
+    """The same view with the normals of a mesh interpolated: a facet by itself is flat and magnifies nothing."""
+    return view if view.reflector.mesh is None or view.reflector.normals == "interpolated" else _interpolated(view)
+
+
+def frame(directions: Array) -> tuple[Array, Array]:
+    """To the right, level, and upward, as one looks along unit directions (n, 3): unit, across them, (n, 3) each.
+
+    r = d × Z/|d × Z|, u = r × d; NaN along Z.
+    """
+    with np.errstate(invalid="ignore"):
+        right = np.stack([directions[:, 1], -directions[:, 0], np.zeros(len(directions))], axis=1)
+        right /= np.linalg.norm(right, axis=1, keepdims=True)
+    return right, np.cross(right, directions)
+
+
+def _beside(view: View, towards: Array, turn: float) -> tuple[Array, Array]:
+    """Where rays leave and whither, (n, 2, 4, 3) each: turned rightward and upward by −2, −1, 1 and 2 turns."""
+    angles = turn * np.array([-2.0, -1.0, 1.0, 2.0])
+    across = np.stack(frame(towards), axis=1)
+    rays = np.cos(angles)[:, None] * towards[:, None, None] + np.sin(angles)[:, None] * across[:, :, None]
+    rays = view.pose.directions_to_mirror(rays.reshape(-1, 3))
+    eye = view.eye_in_mirror
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = np.where(rays[:, 2:] < 0.0, eye[:2] - rays[:, :2] * (eye[2] / rays[:, 2:]), np.nan)
+    sight = view.whole.sight(places)
+    return sight.points.reshape(-1, 2, 4, 3), sight.directions.reshape(-1, 2, 4, 3)
+
+
+def _derivative(beside: Array, middle: Array, turn: float) -> Array:
+    """Derivative by a turn, (n, 2, 3), of what is `beside` (n, 2, 4, 3) at −2, −1, 1, 2 turns and in the middle (n, 3)."""
+    a, b, c, d = np.moveaxis(beside, 2, 0)
+    m = middle[:, None]
+    found = (8.0 * (c - b) - (d - a)) / (12.0 * turn)
+    for other in ((c - b) / (2.0 * turn), (4.0 * c - 3.0 * m - d) / (2.0 * turn), (3.0 * m - 4.0 * b + a) / (2.0 * turn)):
+        found = np.where(np.isnan(found), other, found)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _interpolated(view: View) -> View:
+    return replace(view, reflector=replace(view.reflector, normals="interpolated"))
+
+
+
+def _determinant(matrix: Array) -> Array:
+    result: Array = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
+    return result
+
+
+def _seen_sizes(matrix: Array) -> tuple[Array, Array, Array]:
+    """Lengths of A⁻¹·(1, 0) and A⁻¹·(0, 1), and 1/|det A|, of matrices A (n, 2, 2)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        area = 1.0 / np.abs(_determinant(matrix))
+        return np.hypot(matrix[:, 1, 1], matrix[:, 1, 0]) * area, np.hypot(matrix[:, 0, 1], matrix[:, 0, 0]) * area, area
