@@ -1,4 +1,4 @@
-"""Triangles and rays in, first hits out: the only module that imports embreex, which checks nothing that it is given."""
+"""Triangles and rays in, first hits and shadows out: the only importer of embreex, which checks nothing that it is given."""
 
 from __future__ import annotations
 
@@ -75,25 +75,51 @@ class TriangleScene:
 
         Raises: ValueError for other shapes, and for a ray that is not finite or whose direction is not unit, with its row.
         """
-        rays = _numbers("directions", directions)
-        starts = _numbers("origins", np.atleast_2d(origins))
+        starts, rays = _rays(origins, directions)
         n = len(rays)
-        if len(starts) not in (1, n):
-            raise ValueError(f"origins must be of shape (3,) or {rays.shape} like the directions, not {starts.shape}")
         out = Hits(np.empty(n), np.empty(n, dtype=np.int32), np.empty(n), np.empty(n))
         in_runs(lambda start, stop: self._chunk(slice(start, stop), starts, rays, out), n)
         return out
 
+    def occluded(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
+        """Whether a triangle stands in the way of each ray, however far, (n,): rays and what is raised as in `first_hits`.
+
+        In float32: a ray that starts within some 1e-6 of the mesh's radius of a triangle may or may not meet it.
+        """
+        starts, rays = _rays(origins, directions)
+        out = np.empty(len(rays), dtype=np.bool_)
+
+        def work(start: int, stop: int) -> None:
+            ends = self._cast(slice(start, stop), starts, rays)
+            np.greater_equal(self._scene.run(ends[0], ends[1], query="OCCLUDED"), 0, out=out[start:stop])
+
+        in_runs(work, len(rays))
+        return out
+
     def _chunk(self, part: slice, origins: Array, directions: Array, out: Hits) -> None:
+        ends = self._cast(part, origins, directions)
+        found = self._scene.run(ends[0], ends[1])
+        facets.refine(origins if len(origins) == 1 else origins[part], directions[part], self._centre, self._scale,
+                      self._vertices, self._faces, found, out.distance[part], out.triangle[part], out.u[part], out.v[part])
+
+    def _cast(self, part: slice, origins: Array, directions: Array) -> NDArray[np.float32]:
+        """Starts and directions of some rays as Embree takes them, (2, n, 3)."""
         rays = directions[part]
         starts = origins if len(origins) == 1 else origins[part]
         ends = np.empty((2, len(rays), 3), dtype=np.float32)
         fault, row = facets.cast(starts, rays, self._centre, self._scale, self._radius, ends[0], ends[1])
         if fault != facets.GOOD:
             _refuse(fault, part.start + row, starts[min(row, len(starts) - 1)], rays[row])
-        found = self._scene.run(ends[0], ends[1])
-        facets.refine(starts, rays, self._centre, self._scale, self._vertices, self._faces, found,
-                      out.distance[part], out.triangle[part], out.u[part], out.v[part])
+        return ends
+
+
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    """Origins (1, 3) or (n, 3) and directions (n, 3), or ValueError."""
+    rays = _numbers("directions", directions)
+    starts = _numbers("origins", np.atleast_2d(origins))
+    if len(starts) not in (1, len(rays)):
+        raise ValueError(f"origins must be of shape (3,) or {rays.shape} like the directions, not {starts.shape}")
+    return starts, rays
 
 
 def _numbers(name: str, values: ArrayLike) -> Array:

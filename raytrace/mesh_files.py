@@ -1,10 +1,12 @@
-"""A mesh file in, its triangles in mm out, equal places as one vertex: the only module that imports trimesh."""
+"""A mesh file in, its triangles out, as one bare mesh in mm or in parts with materials: the only importer of trimesh."""
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,14 @@ from mirror_cad.errors import FileError
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
 
+if TYPE_CHECKING:
+    from raytrace.scene.materials import Material
+    from raytrace.scene.parts import Part
+
 Array = NDArray[np.float64]
 
 MESH_KINDS = (".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
+PART_KINDS = (".obj", ".ply", ".off", ".3mf", ".stl")  # glTF's materials are read by `raytrace.scene.gltf`
 MOST_TRIANGLES = 20_000_000  # some 3 GB in Embree
 # The lengths that glTF (always metres) and 3MF (in its header) are written in; the other formats know none.
 MM_PER_UNIT = {"micron": 1e-3, "millimeter": 1.0, "millimeters": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8,
@@ -33,11 +40,53 @@ def read_mesh(path: Path) -> SurfaceMesh:
     Raises: FileError for a file that is missing or broken, holds no triangles or more than MOST_TRIANGLES, or has vertices
     that are not finite or faces that name no vertex; TraceError for another kind of file.
     """
-    import trimesh
-
     kind = path.suffix.lower()
     if kind not in MESH_KINDS:
         raise TraceError(f"{path}: a mesh is read from {', '.join(MESH_KINDS)}, not from {kind or 'a file without ending'!r}")
+    placed, named = _loaded(path, kind, MOST_TRIANGLES, skip_materials=True)
+    parts, unit = [mesh for mesh, _ in placed], named or 1.0
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = np.concatenate([part.vertices for part in parts]) * unit
+    faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=False)])
+    return _merged(vertices, faces)
+
+
+def read_parts(path: Path, most_triangles: int, load_picture: Callable[[bytes, str], NDArray[np.uint8]],
+               ) -> tuple[list[Part], float | None]:
+    """The triangles of an OBJ, PLY, OFF, 3MF or STL file with their materials, and mm per unit where the file names one.
+
+    An OBJ file's Kd is taken as linear, its shininess Ns as a roughness; where there is no material: light gray, matt.
+    load_picture : bytes and the picture's name → (h, w, 3) uint8.
+    Raises: FileError as `read_mesh`, and for material files and pictures that are missing.
+    """
+    from raytrace.scene.parts import Part
+
+    kind = path.suffix.lower()
+    try:
+        if kind == ".stl":
+            _refuse_stl(path, most_triangles)
+        if kind == ".obj":
+            _refuse_missing(path, load_picture)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from None
+    placed, unit = _loaded(path, kind, most_triangles, skip_materials=False)
+    known: dict[int, Material] = {}
+    parts = []
+    for mesh, look in placed:
+        if id(look) not in known:
+            known[id(look)] = _material(path, look, load_picture)
+        uv = getattr(mesh.visual, "uv", None)
+        if uv is not None:
+            uv = np.asarray(uv, dtype=np.float64) * [1.0, -1.0] + [0.0, 1.0]  # from the picture's bottom to its top
+        parts.append(Part(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64),
+                          known[id(look)], uv=uv))
+    return parts, unit
+
+
+def _loaded(path: Path, kind: str, most_triangles: int, skip_materials: bool) -> tuple[list[tuple[Any, Any]], float | None]:
+    """The file's meshes in their places, checked, each with its material as trimesh has it; and mm per unit, if named."""
+    import trimesh
+
     try:
         path.open("rb").close()
     except OSError as error:
@@ -45,27 +94,75 @@ def read_mesh(path: Path) -> SurfaceMesh:
     _refuse_misread(path, kind)
     try:
         # Without processing: trimesh would drop vertices that are not finite, and merge by rounding.
-        scene = trimesh.load_scene(path, process=False, skip_materials=True)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        scene = trimesh.load_scene(path, process=False, skip_materials=skip_materials)
+        placed = []
+        for node in scene.graph.nodes_geometry:
+            matrix, name = scene.graph[node]
+            mesh = scene.geometry[name]
+            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+                placed.append((mesh.copy().apply_transform(matrix), getattr(mesh.visual, "material", None)))
     except Exception as error:  # a broken file raises whatever its reader meets first
         raise FileError(f"{path}: not a readable {kind[1:].upper()} file ({type(error).__name__}: {error})") from None
-    if not parts:
+    if not placed:
         raise FileError(f"{path}: holds no triangles")
-    count = sum(len(part.faces) for part in parts)
-    if count > MOST_TRIANGLES:
-        raise FileError(f"{path}: {count} triangles are more than {MOST_TRIANGLES}: reduce the mesh")
+    count = sum(len(mesh.faces) for mesh, _ in placed)
+    if count > most_triangles:
+        raise FileError(f"{path}: {count} triangles are more than {most_triangles}: reduce the mesh")
     declared = _declared_faces(path, kind)
     if count < declared:
         raise FileError(f"{path}: holds {count} triangles of the {declared} faces that its header names: is it cut short?")
-    unit = MM_PER_UNIT.get(str(scene.units).lower()) if scene.units else 1.0
-    if unit is None:
+    unit = MM_PER_UNIT.get(str(scene.units).lower()) if scene.units else None
+    if scene.units and unit is None:
         raise FileError(f"{path}: its unit {scene.units!r} is none of {', '.join(MM_PER_UNIT)}")
-    for part in parts:
-        _check(path, np.asarray(part.vertices), np.asarray(part.faces))
-    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    vertices = np.concatenate([part.vertices for part in parts]) * unit
-    faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=False)])
-    return _merged(vertices, faces)
+    for mesh, _ in placed:
+        _check(path, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    return placed, unit
+
+
+def _material(path: Path, look: Any, load_picture: Callable[[bytes, str], NDArray[np.uint8]]) -> Material:
+    from raytrace.scene.materials import Material
+
+    values = getattr(look, "kwargs", {})
+    if "kd" not in values and getattr(look, "image", None) is None:
+        return Material(str(getattr(look, "name", None) or ""), (0.5, 0.5, 0.5))
+    red, green, blue = (min(max(float(v), 0.0), 1.0) for v in values.get("kd", (1.0, 1.0, 1.0)))
+    shininess = max(float(values.get("ns", 0.0)), 0.0)
+    roughness = float((2.0 / (shininess + 2.0)) ** 0.25)  # Blinn's exponent is 2/α² − 2, and α the roughness squared
+    texture = None
+    if look.image is not None:
+        file = path.parent / look.image.info["file_path"]
+        texture = load_picture(file.read_bytes(), f"{path}: picture {look.image.info['file_path']!r}")
+    return Material(str(look.name or ""), (red, green, blue), roughness=roughness, texture=texture)
+
+
+def _refuse_stl(path: Path, most_triangles: int) -> None:
+    """Refuse a binary STL file that is too large, before it is read, or shorter than its header says."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        header = stream.read(84)
+    if size < 84 or header.lstrip().startswith(b"solid"):
+        return
+    named, held = int.from_bytes(header[80:84], "little"), (size - 84) // 50
+    if held > most_triangles:
+        raise FileError(f"{path}: {held} triangles are more than {most_triangles}: reduce the mesh")
+    if held < named:
+        raise FileError(f"{path}: holds {held} of the {named} triangles that its header names: is it cut short, or no STL?")
+
+
+def _refuse_missing(path: Path, load_picture: Callable[[bytes, str], NDArray[np.uint8]]) -> None:
+    """Refuse an OBJ file whose material files or pictures are missing or broken: trimesh leaves them out without a word."""
+    for library in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", path.read_bytes(), re.MULTILINE):
+        text = _beside(path, library, "material file")
+        for picture in re.findall(rb"^[ \t]*map_Kd[ \t]+([^\r\n]+)", text, re.MULTILINE | re.IGNORECASE):
+            load_picture(_beside(path, picture, "picture"), f"{path}: picture {picture.decode('utf-8', 'replace').strip()!r}")
+
+
+def _beside(path: Path, name: bytes, what: str) -> bytes:
+    file = path.parent / name.decode("utf-8", "replace").strip()
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: its {what} {file.name!r} cannot be read: {error.strerror or error}") from None
 
 
 def _merged(vertices: Array, faces: NDArray[np.int64]) -> SurfaceMesh:

@@ -1,0 +1,85 @@
+"""Triangles of a file with one material each in, the joined arrays of one body out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.mesh import SurfaceMesh
+from raytrace.mesh_normals import corner_normals
+from raytrace.scene.materials import Material
+
+Array = NDArray[np.float64]
+
+NORMAL_STEP = 1e-4  # normals closer than this are one: 0.006°
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Triangles of one material, as the file has them.
+
+    vertices (n, 3), faces (m, 3); where the file has them: normals (n, 3) unit, uv (n, 2) with v = 0 at the picture's first
+    row, sky (n,): the share of the surroundings that each vertex sees.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    material: Material
+    normals: Array | None = None
+    uv: Array | None = None
+    sky: Array | None = None
+
+
+class Joined(NamedTuple):
+    """All parts as one: material (m,) is an index into `materials`; sky is NaN where no part has it."""
+
+    vertices: Array
+    normals: Array
+    uv: Array
+    sky: Array
+    faces: NDArray[np.int32]
+    material: NDArray[np.int32]
+    materials: tuple[Material, ...]
+
+
+def joined(parts: Sequence[Part]) -> Joined:
+    """One body of many parts. Where normals are missing they are made anew, with creases where facets turn by over 30°."""
+    whole = [part if part.normals is not None else _with_normals(part) for part in parts]
+    materials = list({id(part.material): part.material for part in whole}.values())
+    number = {id(material): k for k, material in enumerate(materials)}
+    offsets = np.cumsum([0, *(len(part.vertices) for part in whole)])
+    return Joined(
+        np.concatenate([part.vertices for part in whole]),
+        np.concatenate([_numbers(part.normals, (len(part.vertices), 3)) for part in whole]),
+        np.concatenate([_numbers(part.uv, (len(part.vertices), 2)) for part in whole]),
+        np.concatenate([_numbers(part.sky, (len(part.vertices),)) for part in whole]),
+        np.concatenate([part.faces + offset for part, offset in zip(whole, offsets, strict=False)]).astype(np.int32),
+        np.concatenate([np.full(len(part.faces), number[id(part.material)], dtype=np.int32) for part in whole]),
+        tuple(materials))
+
+
+def _numbers(values: Array | None, shape: tuple[int, ...]) -> Array:
+    return np.full(shape, np.nan) if values is None else values
+
+
+def _with_normals(part: Part) -> Part:
+    """The part with a vertex for every place, texture coordinate and normal that its corners have."""
+    places, same = np.unique(part.vertices + 0.0, axis=0, return_inverse=True)
+    same = same.ravel()
+    mesh = SurfaceMesh(places, same[part.faces].astype(np.int32))
+    has_area = mesh.facet_normals().any(axis=1)
+    faces = part.faces[has_area]
+    if len(faces) == 0:
+        return Part(part.vertices, faces, part.material, np.zeros_like(part.vertices), part.uv, part.sky)
+    normals = corner_normals(SurfaceMesh(places, same[faces].astype(np.int32))).reshape(-1, 3)
+    uv = part.uv[faces.ravel()] if part.uv is not None else np.zeros((faces.size, 2))
+    texture = np.unique(uv, axis=0, return_inverse=True)[1].ravel()
+    keys = np.column_stack([same[faces.ravel()], texture, np.rint(normals / NORMAL_STEP).astype(np.int64)])
+    _, first, corner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    vertex = faces.ravel()[first]
+    return Part(part.vertices[vertex], corner.reshape(-1, 3), part.material, normals[first],
+                None if part.uv is None else part.uv[vertex], None if part.sky is None else part.sky[vertex])
