@@ -148,8 +148,8 @@ class LightSection(Section):
 
     azimuth_deg: Degrees = -35.0
     elevation_deg: Annotated[Number, Field(ge=5, le=90)] = 42.0
-    turbidity: Annotated[Number, Field(ge=1.8, le=10)] = 2.8
-    exposure_ev: Annotated[Number, Field(ge=-10, le=10)] = 0.0
+    turbidity: Annotated[Number, Field(ge=2, le=6)] = 2.2
+    exposure_ev: Annotated[Number, Field(ge=-10, le=10)] = 0.5
 
 
 class MeasuredSection(Listed):

@@ -17,6 +17,7 @@ from raytrace.scene.bodies import Body
 from raytrace.scene.driven import Cones, DrivenWorld
 from raytrace.scene.lit_world import LitWorld
 from raytrace.scene.reference import Picture
+from raytrace.scene.woods import Woods
 from raytrace.view import View
 
 Array = NDArray[np.float64]
@@ -34,15 +35,16 @@ class World:
         self.named: tuple[tuple[str, Body], ...] = bodies_of(scene)
         self.bodies = tuple(body for _, body in self.named)
         self.road, self.daylight = road_of(scene), daylight_of(scene)
+        self.woods = Woods() if self.road is not None else None  # the horizon of a scene that brings its own ground is its own
         self.reflectance = scene.mirror.reflectance
 
     def around(self, mirror: DrivenMirror) -> LitWorld:
         """The lit world with a mirror's housing in it."""
-        return LitWorld((*self.bodies, housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight)
+        return LitWorld((*self.bodies, housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight, self.woods)
 
     def alone(self) -> LitWorld:
         """The lit world without a mirror."""
-        return LitWorld(self.bodies, self.road, self.daylight)
+        return LitWorld(self.bodies, self.road, self.daylight, self.woods)
 
 
 def both_eyes(mirror: DrivenMirror, world: World, progress: Callable[[float], None] | None = None, width: int = EYE_WIDTH_PX,
