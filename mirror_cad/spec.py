@@ -11,6 +11,9 @@ from pydantic.functional_validators import PlainValidator
 from mirror_cad.spec_laws import AnyHorizontal, AnyLaw
 from mirror_cad.spec_section import Coordinate, Length, Number, Section
 
+# Characters of a part's number or revision, and of its title: what a line of the report's head holds.
+LONGEST_MARK, LONGEST_TITLE = 48, 100
+
 
 class Blank(Section):
     width_mm: Length = 250.0
@@ -82,6 +85,27 @@ def _spans(value: Any) -> tuple[int, int] | str:
     raise ValueError("must be \"auto\" or two whole numbers from 1 to 400, [nx, ny]")
 
 
+class PartSpec(Section):
+    """What a drawing calls the mirror: said in the report and without effect on the surface.
+
+    number : the specification's name without one.   hand : the side of the vehicle; the frame stays as it is, x to the right
+    as the driver looks at the mirror, and the files hold what the laws say in it.
+    """
+
+    number: str | None = None
+    revision: str | None = None
+    hand: Literal["left", "right"] = "left"
+    title: str | None = None
+
+    @field_validator("number", "revision", "title", mode="after")
+    @classmethod
+    def _one_line(cls, value: str | None, info: ValidationInfo) -> str | None:
+        most = LONGEST_TITLE if info.field_name == "title" else LONGEST_MARK
+        if value is not None and not (value.isprintable() and value.strip() and len(value) <= most):
+            raise ValueError(f"must be one line of 1 to {most} printable characters")
+        return value
+
+
 class Limits(Section):
     curvature_percent: Annotated[Number, Field(gt=0, le=1000)] | None = None
 
@@ -131,6 +155,7 @@ class MirrorSpec(Section):
     outline: OutlineSpec = OutlineSpec()
     glass: Glass = Glass()
     surface: SurfaceSpec = SurfaceSpec()
+    part: PartSpec = PartSpec()
     limits: Limits = Limits()
     eye: Eye = Eye()
     scene: SceneSpec = SceneSpec()

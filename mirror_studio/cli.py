@@ -25,12 +25,13 @@ app = App(
 
 Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; replaced as a whole.")]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the metrics as JSON to the standard output.")]
+Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the report as PDF too; needs the extra `pdf`.")]
 
 Parts = Annotated[list[str] | None, Parameter(name="--part", negative=())]
 
 
 @app.command
-def build(spec: str, /, *, out: Out = None, json: Json = False) -> int:
+def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False) -> int:
     """Build one mirror: STEP, STL, points, outline, deviation, driver's view and report.
 
     Parameters
@@ -42,9 +43,13 @@ def build(spec: str, /, *, out: Out = None, json: Json = False) -> int:
     from mirror_studio.progress import Progress
 
     loaded = load_spec(spec)
+    if pdf:
+        from mirror_studio.report.pdf import check_pdf
+
+        check_pdf()
     from mirror_studio.pipeline import build as run
 
-    built = run(loaded, out or Path("exports") / loaded.name, Progress())
+    built = run(loaded, out or Path("exports") / loaded.name, Progress(), pdf)
     return _finish(built.metrics, built.missed, json)
 
 
@@ -95,6 +100,76 @@ def _chosen_face(text: str | None) -> str | int | tuple[int, int, int] | None:
 
 
 @app.command
+def view(what: str, /, *, out: Out = None, vtp: Path | None = None, screenshot: Path | None = None) -> int:
+    """Open a window with a mirror, its curvature and the rays from the eye, and write them for ParaView.
+
+    Parameters
+    ----------
+    what
+        A TOML file, the name of a preset, or a .step or .stp file in mirror coordinates, mm.
+    vtp
+        A folder or a .vtp file: write mirror.vtp and rays.vtp there and open no window; needs no display.
+    screenshot
+        A picture file: draw the window into it and close it.
+    """
+    if vtp is not None and (out is not None or screenshot is not None):
+        print("mirror-cad: --vtp opens no window and writes to its own place: without --out and --screenshot", file=sys.stderr)
+        return BAD_INPUT
+    if vtp is None:
+        from mirror_studio.desktop.display import check_display
+
+        check_display()
+    from mirror_studio.desktop.paraview import write_vtp
+    from mirror_studio.desktop.subject import load_subject
+
+    subject = load_subject(what)
+    write_vtp(subject, vtp or out or Path("exports") / f"{subject.name}-view")
+    if vtp is None:
+        from mirror_studio.desktop.window import open_window
+
+        open_window(subject, screenshot)
+    return DONE
+
+
+@app.command
+def drive(mirror: list[str], /, *, scene: str = "motorway", out: Out = None, json: Json = False) -> int:
+    """Put mirrors on a vehicle on the road, aim them alike, and set what both eyes see and all measures side by side.
+
+    Parameters
+    ----------
+    mirror
+        Presets, specifications, STEP or mesh files.
+    scene
+        A scene's name, or a TOML file in metres.
+    """
+    from mirror_studio.progress import Progress
+    from mirror_studio.scene_file import load_scene
+
+    loaded = load_scene(scene)
+    from mirror_studio.drive.run import drive as run
+
+    return _finish(run(mirror, loaded, out or Path("exports") / f"drive-{loaded.name}", Progress()), (), json)
+
+
+@app.command
+def photograph(scene: str = "motorway", /, *, out: Out = None, json: Json = False) -> int:
+    """Photograph a scene from the mirror's place: a picture for the paper's reference plane, and a specification with it.
+
+    Parameters
+    ----------
+    scene
+        A scene's name, or a TOML file in metres.
+    """
+    from mirror_studio.progress import Progress
+    from mirror_studio.scene_file import load_scene
+
+    loaded = load_scene(scene)
+    from mirror_studio.drive.reference import write_reference
+
+    return _finish(write_reference(loaded, out or Path("exports") / f"reference-{loaded.name}", Progress()), (), json)
+
+
+@app.command
 def bench(*, part: Parts = None, out: Out = None, json: Json = False) -> int:
     """Measure speed against error: tables, plots and a page (default: exports/bench).
 
@@ -107,6 +182,34 @@ def bench(*, part: Parts = None, out: Out = None, json: Json = False) -> int:
     from mirror_studio.progress import Progress
 
     return _finish(run_bench(part or (), out or Path("exports/bench"), Progress()), (), json)
+
+
+@app.command
+def studio(*, port: int = 8642, browser: bool = True) -> int:
+    """Design by hand: a page on this machine on which a radius is dragged and the road bends.
+
+    Parameters
+    ----------
+    port
+        Where it listens on 127.0.0.1; 0 takes any free one.
+    browser
+        Whether to open the page, where there is a screen.
+    """
+    # Matrices of a few dozen rows: a second thread costs more than it brings, and the tracer wants both cores.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        from mirror_studio.web.server import BadPortError, serve
+    except ModuleNotFoundError as error:
+        if error.name not in ("fastapi", "uvicorn", "websockets", "starlette"):
+            raise
+        print(f"mirror-cad: the studio needs {error.name}: install the project with its extra \"studio\"", file=sys.stderr)
+        return BAD_INPUT
+    try:
+        serve(port, browser)
+    except BadPortError as error:
+        print(f"mirror-cad: {error}", file=sys.stderr)
+        return BAD_INPUT
+    return DONE
 
 
 def _finish(metrics: dict[str, Any], missed: tuple[str, ...], as_json: bool) -> int:

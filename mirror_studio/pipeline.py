@@ -53,16 +53,16 @@ class Built:
     missed: tuple[str, ...]
 
 
-def build(spec: MirrorSpec, out: Path, progress: Progress) -> Built:
+def build(spec: MirrorSpec, out: Path, progress: Progress, pdf: bool = False) -> Built:
     """Make the files of one mirror in `out`, which is replaced as a whole. Raises: MirrorError, with nothing written."""
     with new_set(out) as folder:
-        built = build_into(folder, spec, progress)
+        built = build_into(folder, spec, progress, pdf)
     progress.step(f"{spec.name}: done, in {out}")
     return built
 
 
-def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
-    """Make the files of one mirror in an existing empty folder."""
+def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = False) -> Built:
+    """Make the files of one mirror in an existing empty folder; the report as PDF too where asked for."""
     name = spec.name
     picture = load_picture(spec.scene.image)
     progress.step(f"{name}: designing")
@@ -122,11 +122,15 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress) -> Built:
     progress.step(f"{name}: report")
     write_json(folder / "metrics.json", metrics)
     write_json(folder / "deviation.json", deviation.as_json())
-    manifest = _manifest(mirror)
-    manifest["files"] = hashes(folder)
-    from mirror_studio.report import write_report
+    from mirror_studio.report import find, write_findings, write_pdf, write_report
 
-    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png)
+    manifest = _manifest(mirror)
+    findings = find(mirror, deviation, read_back, metrics, step_file, sheets)
+    write_findings(folder, mirror, deviation, findings, manifest)
+    manifest["files"] = hashes(folder)
+    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
+    if pdf:
+        write_pdf(folder / "report.html", folder / "report.pdf")
     manifest["files"] = hashes(folder)
     write_json(folder / MANIFEST, manifest)
     return Built(mirror, deviation, metrics, _missed(mirror, deviation))
@@ -271,11 +275,10 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
         "tolerances": {"position_mm": spec.surface.position_tolerance_mm,
                        "curvature_percent": spec.surface.curvature_tolerance_percent,
                        "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": checks.SAME_MM},
-        "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans), "seconds": round(fit.seconds, 4),
+        "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans),
                 "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
                 "worst_at_mm": list(fit.worst_at_mm), "met": fit.met},
-        "faithful": None if mirror.faithful is None else (floor_of(mirror.faithful) or {}) | {
-            "seconds": [round(level.seconds, 4) for level in mirror.faithful.levels]},
+        "faithful": floor_of(mirror.faithful),
         "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
         "notes": list(mirror.notes),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import math
 import re
@@ -17,10 +18,13 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec_file import load_spec, validate_spec
 from mirror_studio.methods import compare_methods, with_method
-from mirror_studio.report import contact_sheet, maps, table1_markdown, write_index, write_report
+from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
+from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
 from mirror_studio.report.stages import Floor, chain_links, model_sentences, stage_rows, weakest_sentence
 from mirror_studio.report.text import fixed, given, law_in_words, number
+from mirror_studio.report.uncertainty import Uncertainty
+from mirror_studio.report.verdict_table import Requirement, requirements
 
 METRICS = {
     "h_fov_deg": {"section": 44.82, "traced": 44.63}, "v_fov_left_deg": {"section": 42.88, "traced": 39.6},
@@ -75,7 +79,8 @@ def methods(faithful: Designed) -> dict[str, Any]:
 
 
 def _report(folder: Path, designed: Designed, metrics: dict[str, Any], manifest: dict[str, Any]) -> str:
-    write_report(folder / "report.html", *designed, metrics, manifest, _picture())
+    findings = find(*designed, designed[0].surface, metrics)
+    write_report(folder / "report.html", *designed, metrics, manifest, _picture(), findings)
     return (folder / "report.html").read_text("utf-8")
 
 
@@ -99,11 +104,62 @@ def test_report_holds_its_figures_and_nothing_from_outside(tmp_path: Path, limit
     page = _report(tmp_path, limited, METRICS, MANIFEST)
     _check_plain(page)
     text = _readable(page)
-    assert page.count("data:image/") == 6
+    assert page.count("data:image/") == 8
     assert len(page) < 2.5e6
     assert not _missing(text, "Tolerances met", "Beyond the limit of ±3\u202f%", "of the area lies beyond",
                         "the part that no numerics can remove", "44.82°", "39.60°", "40.9\u202f%", "68\u202f985\u202fmm²",
                         "3.0·10⁻¹¹\u202fmm", "ab" * 32, "0.5865 (solved for)", "read &lt;b&gt;a&amp;b&lt;/b&gt;")
+
+
+def test_head_names_part_day_and_hashes_and_leaves_lines_to_sign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1400000000")
+    part = {"number": "A 47 <b>\\", "revision": "C\"2", "title": "Main mirror", "hand": "right"}
+    raw = load_spec("sphere-950").model_dump(exclude_none=True, exclude={"outline"})
+    mirror = design(validate_spec(raw | {"part": part}))
+    both = mirror, _deviation(mirror)
+    files = {f"{mirror.spec.name}{end}": "cd" * 32 for end in (".step", "-surface.step", ".stl", "-points.csv")}
+    page = _report(tmp_path, both, METRICS, MANIFEST | {"spec": {"name": "x"}, "files": files | {"metrics.json": "ef" * 32}})
+    _check_plain(page)
+    text = _readable(page)
+    assert not _missing(text, "A 47 &lt;b&gt;\\", "<b>C&#34;2</b>", "Main mirror", "2014-05-13", "made", "checked", "approved",
+                        hashlib.sha256(b'{"name":"x"}').hexdigest(), "nothing in this report was measured on glass")
+    # What is signed stands before the lines to sign on, the rest at the end.
+    places = [text.index(words) for words in ("cd" * 32, ">approved<", ">Verdicts<", "ef" * 32)]
+    assert places == sorted(places)
+    # The eye of the preset sits at the right edge, where the driver of a left-hand mirror sits.
+    assert "said to be a right-hand mirror" in text
+    assert "aligned with its right edge" in text
+    style = re.search(r"@page \{\n  @top-left.*", page)
+    assert style is not None
+    assert "\\3c b\\3e \\5c " in style.group(0)  # of "<b>\\", as a CSS string holds it
+    assert "said to be" not in _readable(_report(tmp_path, (design(load_spec("sphere-950")), both[1]), METRICS, MANIFEST))
+
+
+def test_verdicts_have_limit_actual_margin_and_place(tmp_path: Path, limited: Designed) -> None:
+    mirror, deviation = limited
+    rows = {row.name: row for row in requirements(mirror, deviation, METRICS)}
+    k2 = rows["k2, realised against designed"]
+    assert (k2.limit, k2.actual, k2.met) == (3.0, deviation.total["k2_max_percent"], False)
+    assert k2.margin == pytest.approx(3.0 - abs(deviation.total["k2_max_percent"]))
+    assert list(k2.place or ()) == deviation.total["k2_max_at_mm"]
+    assert rows["fit: height"].limit == mirror.spec.surface.position_tolerance_mm
+    assert rows["fit: height"].met
+    assert rows["STEP read back by the kernel, farthest point"].actual == METRICS["files"]["step_max_mm"]
+    text = _readable(_report(tmp_path, limited, METRICS, MANIFEST))
+    assert not _missing(text, ">not met<", "−1.64\u202f%", "±3\u202f%", "x\u202f88, y\u202f161\u202fmm")
+    # A margin that the grid cannot be sure of is said to be one.
+    close = Requirement("part", "k1, realised against designed", "%", 3.0, 2.9999)
+    coarse = Uncertainty((211, 311), (1, 1), (421, 621), (1, 1), dict.fromkeys(fields.QUANTITIES, (1.0, 1.01)), "%", 0.0, None,
+                         None)
+    (_, [row]), *_ = requirement_groups([close], coarse)
+    assert row["verdict"] == "met, but closer than the grid tells"
+
+
+def test_the_same_mirror_gives_the_same_page(tmp_path: Path, limited: Designed, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1400000000")
+    again = design(limited[0].spec)
+    pages = [_report(tmp_path, one, METRICS, MANIFEST) for one in (limited, (again, _deviation(again)))]
+    assert pages[0] == pages[1]
 
 
 def test_report_of_a_plane_without_measurements(tmp_path: Path, plane: Designed) -> None:
@@ -122,7 +178,7 @@ def test_report_names_the_method_and_what_its_deviation_comes_from(
     for designed, method in ((limited, "decoupled"), (faithful, "faithful")):
         text = _readable(_report(tmp_path, designed, METRICS, MANIFEST))
         assert not _missing(text, f"From the exact {method} surface", f"{method.capitalize()} surface, realised",
-                            f"<dd>{method}:", f"<td>{method}:", f"the exact {method} surface against the design",
+                            f"<td colspan=\"3\">{method}:", f"<td>{method}:", f"the exact {method} surface against the design",
                             "nothing is left unexplained", *phrases[method])
         assert "Decoupled and faithful" not in text
 
@@ -232,9 +288,9 @@ def test_deviations_beyond_their_curvature_are_drawn_per_metre_with_percent_besi
     mirror = design(validate_spec({"name": "turning", "horizontal": TURNING, "vertical": vertical,
                                    "limits": {"curvature_percent": 5.0}}))
     deviation = _deviation(mirror)
-    fields = maps.deviation_fields(deviation, 5.0)
-    assert (fields.unit, fields.limit) == ("1/m", None)
-    assert fields.worst["k2"][0] == pytest.approx(deviation.total["k2_max_per_m"], rel=1e-12)
+    drawn = fields.deviation_fields(deviation, 5.0)
+    assert (drawn.unit, drawn.limit) == ("1/m", None)
+    assert drawn.worst["k2"][0] == pytest.approx(deviation.total["k2_max_per_m"], rel=1e-12)
     page = _report(tmp_path, (mirror, deviation), {}, {})
     _check_plain(page)
     assert not _missing(_readable(page), "Beyond the limit of ±5\u202f%", "of the area lies beyond", "is not drawn",
@@ -244,12 +300,12 @@ def test_deviations_beyond_their_curvature_are_drawn_per_metre_with_percent_besi
 
 def test_designed_and_realised_share_a_scale_and_deviations_one_about_zero(limited: Designed, plane: Designed) -> None:
     for _, deviation in (limited, plane):
-        for pair in maps.pairs_of(deviation):
+        for pair in fields.pairs_of(deviation):
             low, high = pair.scale()
             assert low <= min(pair.designed.min(), pair.realised.min()) < high
             assert low < max(pair.designed.max(), pair.realised.max()) <= high
-    near, far = (maps.deviation_fields(limited[1], limit) for limit in (3.0, 30.0))
-    largest = max(abs(limited[1].total[f"{key}_max_percent"]) for key in maps.QUANTITIES)
+    near, far = (fields.deviation_fields(limited[1], limit) for limit in (3.0, 30.0))
+    largest = max(abs(limited[1].total[f"{key}_max_percent"]) for key in fields.QUANTITIES)
     assert near.scale == far.scale == largest
     assert far.limit_is_far > near.limit_is_far
     for key, (value, at) in near.worst.items():
@@ -259,7 +315,7 @@ def test_designed_and_realised_share_a_scale_and_deviations_one_about_zero(limit
 def test_radius_is_drawn_as_curvature_only_where_it_has_to_be() -> None:
     concave = {"law": "constant", "radius_mm": -2000.0}
     mirror = design(validate_spec({"name": "turning", "horizontal": TURNING, "vertical": concave}))
-    horizontal, vertical = maps.pairs_of(_deviation(mirror))[:2]
+    horizontal, vertical = fields.pairs_of(_deviation(mirror))[:2]
     assert (horizontal.name, horizontal.unit, horizontal.as_curvature) == ("1/Rx", "1/m", True)
     assert (vertical.name, vertical.unit, vertical.as_curvature) == ("Ry", "mm", False)
     assert np.allclose(vertical.designed, -2000.0)

@@ -23,6 +23,23 @@ def test_only_the_two_laws_are_required(spec_file: Callable[[str], Path]) -> Non
     assert spec.limits.curvature_percent is None
 
 
+def test_part_names_the_mirror_and_changes_nothing_of_it() -> None:
+    bare, named = (spec_of(constant(900.0), constant(900.0), **sections) for sections in (
+        {}, {"part": {"number": "A 47/11", "revision": "C", "hand": "right", "title": "Main mirror, wide"}}))
+    assert (bare.part.number, bare.part.revision, bare.part.hand, bare.part.title) == (None, None, "left", None)
+    assert (named.part.number, named.part.hand) == ("A 47/11", "right")
+    assert (mirror_cad.design(bare).surface.poles == mirror_cad.design(named).surface.poles).all()
+
+
+@pytest.mark.parametrize(("part", "named"), [
+    ({"number": ""}, "part.number"), ({"revision": "  "}, "part.revision"), ({"title": "two\nlines"}, "one line of 1 to 100"),
+    ({"number": "x" * 49}, "one line of 1 to 48"), ({"hand": "rigth"}, "did you mean 'right'"), ({"number": 4711}, "be text"),
+    ({"numbr": "x"}, "did you mean 'number'")])
+def test_bad_part_is_refused_with_key_and_reason(part: dict[str, object], named: str) -> None:
+    with pytest.raises(mirror_cad.SpecError, match=named):
+        spec_of(constant(900.0), constant(900.0), part=part)
+
+
 def test_a_table_from_csv_beside_the_spec_is_the_law(tmp_path: Path, spec_file: Callable[[str], Path]) -> None:
     x = np.linspace(-115.0, 115.0, 24)
     kappa = 1e-3 + 4e-9 * (115.0 - x) ** 2

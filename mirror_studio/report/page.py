@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
 
 from mirror_cad.deviation import CurvatureDeviation
-from mirror_studio.report import maps
-from mirror_studio.report.maps import LARGEST_PERCENT, QUANTITIES, DeviationFields
+from mirror_studio.report.basis import basis_rows, rounding_rows, sampling_rows
+from mirror_studio.report.cut_figures import comb_figure, radius_figure
+from mirror_studio.report.fields import LARGEST_PERCENT, QUANTITIES, DeviationFields, pairs_of
+from mirror_studio.report.findings import Findings
+from mirror_studio.report.heading import HANDS, SIGNATURES, contradictions, heading
+from mirror_studio.report.histogram import histogram_figure
+from mirror_studio.report.lane_image import marked_view
+from mirror_studio.report.maps import deviation_maps, pair_maps
+from mirror_studio.report.rows import change_rows, probe_rows, requirement_groups
 from mirror_studio.report.side_by_side import side_by_side
 from mirror_studio.report.stages import (
     FLOOR_DIGITS,
@@ -43,6 +48,8 @@ from mirror_studio.report.text import (
     templates,
     with_unit,
 )
+from mirror_studio.setting import Setting
+from raytrace.image import Frame
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
@@ -51,8 +58,6 @@ METHODS = {
     "decoupled": "decoupled: vertical circles of radius Ry hung on the horizontal profile of Rx",
     "faithful": "faithful: the closest to both laws at once, by least squares on the whole shape operator",
 }
-# Wide enough for half a screen at twice its pixels; the picture itself lies beside the report without loss.
-PICTURE_WIDTH_PX = 1280
 CHECKS = {
     "step_max_mm": "STEP read back by the kernel, farthest point from the design",
     "part21_max_mm": "STEP read as plain text (Part 21), farthest point",
@@ -65,27 +70,37 @@ UNITS = {"_mm": "mm", "_mm2": "mm²", "_mm3": "mm³", "_deg": "°", "_percent": 
 
 
 def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metrics: dict[str, Any],
-                 manifest: dict[str, Any], driver_view_png: bytes) -> None:
+                 manifest: dict[str, Any], driver_view_png: bytes, findings: Findings) -> None:
     """Write the report of one mirror: a page without scripts and external requests, readable in print on A4.
 
     metrics : fields of view in degrees, lane straightness in percent, STL on the plane in mm, both methods side by side,
-    rays, eye in mm, plate, files; any of them may be missing or None.   manifest : versions, notes and the files' sha256.
+    rays, eye in mm, plate, files; any of them may be missing or None.   manifest : spec, versions, notes and the files' sha256.
     """
-    pairs = maps.pairs_of(deviation)
-    limit, surface = mirror.spec.limits.curvature_percent, mirror.spec.surface
-    fields = maps.deviation_fields(deviation, limit)
-    sections, section_y_mm = maps.centre_sections(deviation, pairs, fields)
+    pairs = pairs_of(deviation)
+    limit, surface, fields = mirror.spec.limits.curvature_percent, mirror.spec.surface, findings.fields
+    frame, eye = Frame.around(mirror.box, mirror.spec.view.width_px), Setting.of(mirror.spec, mirror.box).eye
+    across, upright = ([cut for cut in findings.cuts if cut.along == along] for along in ("x", "y"))
     figures = {
-        "radii": _png_uri(maps.pair_maps(deviation, mirror.outline, pairs[:2])),
-        "powers": _png_uri(maps.pair_maps(deviation, mirror.outline, pairs[2:])),
-        "deviation": _png_uri(maps.deviation_maps(deviation, mirror.outline, fields)),
-        "histogram": _svg_uri(maps.deviation_histogram(deviation, fields)),
-        "sections": _svg_uri(sections),
-        "driver": _photograph_uri(driver_view_png),
+        "radii": _uri("image/png", pair_maps(deviation, mirror.outline, pairs[:2])),
+        "powers": _uri("image/png", pair_maps(deviation, mirror.outline, pairs[2:])),
+        "deviation": _uri("image/png", deviation_maps(deviation, mirror.outline, fields)),
+        "histogram": _uri("image/svg+xml", histogram_figure(findings.shares, fields)),
+        "across": _uri("image/svg+xml", radius_figure(across, limit)),
+        "upright": _uri("image/svg+xml", radius_figure(upright, limit)),
+        "combs": _uri("image/svg+xml", comb_figure(findings.cuts)),
+        "driver": _uri("image/jpeg", marked_view(driver_view_png, frame, findings.lane, findings.seen, eye)),
     }
+    head = heading(mirror, manifest)
     page = templates().get_template("report.html.j2").render(
-        title=mirror.spec.name, facts=_facts(mirror, metrics), verdicts=verdicts(mirror, deviation, fields),
-        view=_view(mirror, metrics), figures=figures, fields=fields, limit=limit, section_y_mm=section_y_mm,
+        title=f"{head['number']}: curvature report", head=head, hands=HANDS, signatures=SIGNATURES,
+        contradictions=contradictions(mirror), facts=_facts(mirror, metrics), verdicts=verdicts(mirror, deviation, fields),
+        requirements=requirement_groups(findings.requirements, findings.uncertainty),
+        basis=basis_rows(mirror, metrics, findings), sampling=sampling_rows(findings.uncertainty),
+        rounding=rounding_rows(deviation, findings.uncertainty),
+        probe=probe_rows(findings.probe), changes=change_rows(findings.change), change=findings.change,
+        cuts={"across": [cut.name for cut in across], "upright": [cut.name for cut in upright]},
+        lane_drawn=findings.lane is not None, tables=[table.name for table in findings.tables(deviation)],
+        view=_view(mirror, metrics), figures=figures, fields=fields, limit=limit, bin_width=findings.shares.bin_width,
         as_curvature=[pair.name.removeprefix("1/") for pair in pairs if pair.as_curvature],
         quantities=QUANTITIES, stages=stage_rows(deviation, surface.method), explained=explained_sentences(deviation),
         model=model_sentences(deviation, surface.method, Floor.found(mirror.faithful), surface.curvature_tolerance_percent),
@@ -93,8 +108,8 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
         method=surface.method, flat=deviation.percent is None, largest_percent=LARGEST_PERCENT,
         both=side_by_side(metrics.get("methods"), surface.method, mirror.spec.scene.distance_mm),
         making=_making(mirror, metrics),
-        files=manifest.get("files") or {}, versions=manifest.get("versions") or {},
-        notes=manifest.get("notes") or list(mirror.notes), specification=_flat(mirror.spec.model_dump()),
+        files=_sorted_files(mirror.spec.name, manifest.get("files") or {}), versions=manifest.get("versions") or {},
+        notes=manifest.get("notes") or list(mirror.notes), specification=_paired(_flat(mirror.spec.model_dump())),
     )
     path.write_text(page, encoding="utf-8")
 
@@ -225,11 +240,11 @@ def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]
         # The iteration has nothing to do for a plane, and its deviation no percent.
         rows += [(f"Least squares, {spans_in_words(level.spans)} spans of degree {mirror.faithful.degree}",
                   f"shape RMS {with_unit(level.shape_rms_percent, '%', FLOOR_DIGITS)}; {level.unknowns} unknowns, "
-                  f"{level.evaluations} evaluations, {with_unit(level.seconds, 's', 2)}") for level in mirror.faithful.levels]
+                  f"{level.evaluations} evaluations") for level in mirror.faithful.levels]
     rows += [
         ("Integration of the profile", f"{surface.integration}{step}"),
-        ("Fit", f"{fit.route}, degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans (x × y), "
-                f"in {with_unit(fit.seconds, 's', 2)}; tolerances {'met' if fit.met else 'not met'}"),
+        ("Fit", f"{fit.route}, degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans (x × y); "
+                f"tolerances {'met' if fit.met else 'not met'}"),
         ("Fit, largest position error", f"{with_unit(fit.position_error_mm, 'mm', 2)} "
                                         f"(asked: {given(surface.position_tolerance_mm, 'mm')})"),
     ]
@@ -268,6 +283,13 @@ def _flat(section: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]
     return rows
 
 
+def _paired(rows: list[tuple[str, str]]) -> list[list[tuple[str, str]]]:
+    """Two rows side by side: the first half of them on the left."""
+    half = (len(rows) + 1) // 2
+    right = [*rows[half:], *([("", "")] if len(rows) % 2 else [])]
+    return [[left, beside] for left, beside in zip(rows[:half], right, strict=True)]
+
+
 def _value(value: Any) -> str:
     if isinstance(value, tuple | list):
         return ", ".join(_value(each) for each in value)
@@ -276,20 +298,12 @@ def _value(value: Any) -> str:
     return str(value)
 
 
-def _png_uri(picture: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(picture).decode("ascii")
+def _sorted_files(name: str, files: Mapping[str, str]) -> dict[str, list[tuple[str, str]]]:
+    """Names and hashes: what a mirror is made from, and what tells about it."""
+    of_part = [f"{name}.step", f"{name}-surface.step", f"{name}.stl", f"{name}-points.csv", "outline.dxf"]
+    return {"part": [(file, files[file]) for file in of_part if file in files],
+            "other": [(file, digest) for file, digest in files.items() if file not in of_part]}
 
 
-def _svg_uri(drawing: bytes) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(drawing).decode("ascii")
-
-
-def _photograph_uri(png: bytes) -> str:
-    """The driver's view as JPEG: a tenth of the PNG's bytes, and nothing in it that a reader measures."""
-    picture = Image.open(io.BytesIO(png)).convert("RGB")
-    if picture.width > PICTURE_WIDTH_PX:
-        picture = picture.resize((PICTURE_WIDTH_PX, round(picture.height * PICTURE_WIDTH_PX / picture.width)),
-                                 Image.Resampling.LANCZOS)
-    file = io.BytesIO()
-    picture.save(file, "JPEG", quality=88, subsampling=0)
-    return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+def _uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64," + base64.b64encode(content).decode("ascii")

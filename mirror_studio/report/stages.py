@@ -9,7 +9,8 @@ from typing import Any
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.differential import rms_norm
 from mirror_cad.faithful import Faithful
-from mirror_studio.report.maps import QUANTITIES
+from mirror_studio.report.fields import QUANTITIES
+from mirror_studio.report.tables import Table
 from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, place, plain, with_unit
 
 NUMERICAL = ("integration", "fit", "step")
@@ -88,6 +89,23 @@ def stage_rows(deviation: CurvatureDeviation, method: str) -> list[dict[str, Any
             "slope_place": MISSING if entry["slope_max_arcsec"] == 0.0 else place(entry["slope_max_at_mm"]),
         })
     return rows
+
+
+def stages_table(deviation: CurvatureDeviation) -> Table:
+    """A row for each quantity of each stage and of the total; heights in mm and slopes in arc seconds are rows too."""
+    keys = ("stage", "quantity", "max_percent", "rms_percent", "max_per_m", "max_mm", "max_arcsec", "x_mm", "y_mm")
+    columns: dict[str, list[Any]] = {key: [] for key in keys}
+    for stage in STAGES:
+        entry = deviation.total if stage == "total" else deviation.stages[stage]
+        rows = [{"quantity": key, "max_percent": entry[f"{key}_max_percent"], "rms_percent": entry[f"{key}_rms_percent"],
+                 "max_per_m": entry[f"{key}_max_per_m"], "at": entry[f"{key}_max_at_mm"]} for key in (*QUANTITIES, "shape")]
+        rows += [{"quantity": "height", "max_mm": entry["sag_max_mm"], "at": entry["sag_max_at_mm"]},
+                 {"quantity": "slope", "max_arcsec": entry["slope_max_arcsec"], "at": entry["slope_max_at_mm"]}]
+        for row in rows:
+            full = {"stage": stage, "x_mm": row["at"][0], "y_mm": row["at"][1]} | row
+            for key, column in columns.items():
+                column.append(full.get(key))
+    return Table("stages", columns)
 
 
 def explained_sentences(deviation: CurvatureDeviation) -> str:

@@ -116,12 +116,17 @@ def lane_in_words(lane: Mapping[str, float]) -> str:
     return f"Y = {plain(lane['y0_mm'])} {'−' if slope < 0 else '+'} {plain(abs(slope))}·{across}"
 
 
+def css_text(text: str) -> str:
+    """Text as a CSS string may hold it: all but letters and digits as escapes."""
+    return "".join(letter if letter.isascii() and letter.isalnum() else f"\\{ord(letter):x} " for letter in text)
+
+
 @cache
 def templates() -> Environment:
     """The page templates, with the functions above as filters. User text is escaped."""
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=True,
                               undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"number": number, "with_unit": with_unit, "count": count, "given": given}
+    environment.filters |= {"number": number, "with_unit": with_unit, "count": count, "given": given, "css_text": css_text}
     return environment
 
 

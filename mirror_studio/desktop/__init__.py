@@ -1,0 +1,1 @@
+"""Mirrors in; a window on the desktop and files for ParaView out."""

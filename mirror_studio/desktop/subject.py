@@ -1,0 +1,91 @@
+"""A preset's name, a specification or a STEP file in; the mirror's sheet and the fan of rays from the eye out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.mirror import design
+from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_file import load_spec
+from mirror_studio.desktop.sheet import Sheet, sheet
+from mirror_studio.setting import Setting
+from raytrace.reflector import OPTICAL_FACE, Reflector, reflector_of
+from raytrace.trace import Status, reflect
+
+Array = NDArray[np.float64]
+
+STEP_KINDS = (".step", ".stp")
+LENDER = "progressive-c"  # the preset whose eye and reference plane a STEP file borrows, as `mirror-cad trace` has it
+FAN = (9, 7)  # rays over the mirror's box, upright and across
+RIM_CHORD_MM = 0.02  # of the outline: far below a pixel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fan:
+    """Rays that the mirror reflects: starts (3,) at the eye, points (n, 3) on the mirror, ends (n, 3) on the reference plane,
+    or as far away where a ray does not meet it; incidence (n,) degrees."""
+
+    eye: Array
+    points: Array
+    ends: Array
+    incidence_deg: Array
+    plane_z_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """What is shown, under its name."""
+
+    name: str
+    sheet: Sheet
+    fan: Fan
+
+
+def load_subject(what: str) -> Subject:
+    """A STEP file by its ending (its optical face, or all faces where none is named so), else a specification or preset.
+
+    Raises: MirrorError as the readers and `design` do.
+    """
+    if Path(what).suffix.lower() in STEP_KINDS:
+        return _of_step(Path(what))
+    spec = load_spec(what)
+    mirror = design(spec)
+    rms = mirror.curvature.rms(mirror.outline)
+    shown = sheet(mirror.surface, (mirror.outline.polyline(RIM_CHORD_MM),), mirror.curvature, rms)
+    return Subject(spec.name, shown, _fan(Reflector.from_mirror(mirror), shown, spec))
+
+
+def _of_step(path: Path) -> Subject:
+    from mirror_cad.occt.convert import face_loops
+    from mirror_cad.occt.step import read_step
+
+    file = read_step(path)
+    chosen = [face for face in file.faces if face.name == OPTICAL_FACE] or list(file.faces)
+    sheets = [sheet(face.surface, face_loops(face.face), quadric=face.quadric) for face in chosen]
+    starts = np.cumsum([0, *(len(each.vertices) for each in sheets[:-1])])
+    shown = Sheet(np.concatenate([each.vertices for each in sheets]), np.concatenate([each.normals for each in sheets]),
+                  np.concatenate([each.faces + start for each, start in zip(sheets, starts, strict=True)]),
+                  {key: np.concatenate([each.fields[key] for each in sheets]) for key in sheets[0].fields})
+    spec = load_spec(LENDER)
+    return Subject(path.stem, shown, _fan(reflector_of(file, spec.glass.index), shown, spec))
+
+
+def _fan(reflector: Reflector, shown: Sheet, spec: MirrorSpec) -> Fan:
+    (x_min, y_min, _), (x_max, y_max, _) = shown.vertices.min(axis=0), shown.vertices.max(axis=0)
+    setting = Setting.of(spec, (float(x_min), float(x_max), float(y_min), float(y_max)))
+    y, x = (low + (high - low) * (np.arange(n) + 0.5) / n for n, low, high in ((FAN[0], y_min, y_max), (FAN[1], x_min, x_max)))
+    aimed = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1).reshape(-1, 3)
+    trace = reflect(reflector, setting.eye, aimed - setting.eye)
+    seen = trace.status == Status.REFLECTED
+    points, directions = trace.points[seen], trace.directions[seen]
+    with np.errstate(divide="ignore"):
+        reach = (setting.plane_z_mm - points[:, 2]) / directions[:, 2]
+    far = np.where((reach > 0.0) & (reach < 10.0 * setting.plane_z_mm), reach, setting.plane_z_mm)
+    incoming = points - setting.eye
+    cosine = -np.einsum("ij,ij->i", incoming, trace.normals[seen]) / np.linalg.norm(incoming, axis=1)
+    return Fan(setting.eye, points, points + far[:, None] * directions, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))),
+               setting.plane_z_mm)

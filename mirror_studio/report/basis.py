@@ -1,0 +1,78 @@
+"""What a deviation was judged on in, and how far its figures may be off; the same in words and table cells out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.mirror import Mirror
+from mirror_studio.report.fields import QUANTITIES
+from mirror_studio.report.findings import Findings
+from mirror_studio.report.stages import NUMERICAL, STAGE_NAMES, largest_of_pair
+from mirror_studio.report.text import count, fixed, number, with_unit
+from mirror_studio.report.uncertainty import Uncertainty
+
+SAMPLING_DIGITS = 5  # the grid and its refinement differ in the fourth or later
+
+
+def basis_rows(mirror: Mirror, metrics: Mapping[str, Any], findings: Findings) -> list[tuple[str, str]]:
+    """Evaluated area, what realised and designed are, grid, averages, signs and percent."""
+    found = findings.uncertainty
+    (nx, ny), (inside, edge) = found.cells, found.places
+    x_min, x_max, y_min, y_max = mirror.box
+    whole = with_unit((metrics.get("plate") or {}).get("area_mm2"), "mm²", 6)
+    return [
+        ("Evaluated area", f"the whole optical face inside its outline, rounded corners and edge included: "
+                           f"{with_unit(mirror.outline.area_mm2(), 'mm²', 6)} as seen along z"
+                           + (f", {whole} on the face" if metrics.get("plate") else "")),
+        ("Realised", f"the face named “optical face” in {mirror.spec.name}.step, as read back from that file"),
+        ("Designed", "the pair of curvatures 1/Rx(x) and 1/Ry(x) of the two laws, without twist"),
+        ("Grid", f"{nx} × {ny} cells over the outline's box, {fixed((x_max - x_min) / nx, 2)} × "
+                 f"{fixed((y_max - y_min) / ny, 2)} mm each: {count(inside)} cell middles inside the outline "
+                 f"and {count(edge)} places on the outline itself"),
+        ("Largest and RMS", "largest values over all places; RMS and shares of area over the cell middles, by equal area in "
+                            "(x, y)"),
+        ("Signs", "convex positive; deviation = realised − designed; k1 ≥ k2 are the principal curvatures, kx and ky those of "
+                  "the normal sections along x and y, twist the mixed one; shape is all of the shape operator, the size of "
+                  "(kx, ky, twist) together"),
+        ("Percent", "of the designed value at the place, of 1 % of the RMS designed curvature where that is larger; twist "
+                    "and shape of that RMS"),
+    ]
+
+
+def sampling_rows(found: Uncertainty) -> list[tuple[str, list[str]]]:
+    """The largest deviation of each quantity on the grid and on the refined one, and what the refinement changed."""
+    unit = "%" if found.unit == "%" else "/m"
+    (nx, ny), (fx, fy) = found.cells, found.finer_cells
+    coarse, fine = ([found.largest[key][k] for key in QUANTITIES] for k in (0, 1))
+    return [(f"largest in size on the grid, {nx} × {ny} cells", [with_unit(value, unit, SAMPLING_DIGITS) for value in coarse]),
+            (f"on the refined grid, {fx} × {fy} cells", [with_unit(value, unit, SAMPLING_DIGITS) for value in fine]),
+            ("what the refinement changed", [with_unit(b - a, unit, 2, sign=True) for a, b in zip(coarse, fine, strict=True)])]
+
+
+def rounding_rows(deviation: CurvatureDeviation, found: Uncertainty) -> list[tuple[str, str, str]]:
+    """Every other source of numerical uncertainty: what, how large, and where it enters."""
+    rows = [("Grid, its refinement", _sampled(found), "comes on top: a maximum between the places"),
+            ("Rounding, two formulas of the realised curvature", with_unit(found.rounding_per_m, "/m", 2), "comes on top")]
+    if found.quadrature_mm is not None:
+        percent = found.quadrature_percent
+        curvature = "" if percent is None else f", {with_unit(percent, '%', 2)} of curvature"
+        rows.append(("Quadrature of the exact profile, against Gauss's rule",
+                     f"{with_unit(found.quadrature_mm, 'mm', 2)}{curvature}",
+                     "enters heights and slopes; curvatures are held against the laws themselves"))
+    for stage in NUMERICAL:
+        entry = deviation.stages[stage]
+        off = largest_of_pair(entry)
+        per_m = max(abs(entry[f"{key}_max_per_m"]) for key in ("k1", "k2"))
+        rows.append((f"{STAGE_NAMES[stage][0].upper()}{STAGE_NAMES[stage][1:]}, largest of k1 and k2",
+                     f"{with_unit(off, '%', 2) if off is not None else with_unit(per_m, '/m', 2)}, "
+                     f"{with_unit(abs(entry['sag_max_mm']), 'mm', 2)}", "is part of the deviation shown, not beside it"))
+    return rows
+
+
+def _sampled(found: Uncertainty) -> str:
+    unit = "%" if found.unit == "%" else "/m"
+    worst = max(("k1", "k2"), key=found.missed)
+    missed = found.missed(worst)
+    return f"{number(missed, 2)} {unit} ({worst})" if missed else f"0 {unit}: the refined grid finds nothing larger"

@@ -1,0 +1,133 @@
+"""A CurvatureDeviation in, the fields that the report draws, with their units and scales, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.designed import FLOOR, percent_scale
+from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.differential import ShapeOperator, principal_curvatures_of
+from mirror_cad.grid import Grid
+
+Array = NDArray[np.float64]
+
+QUANTITIES = ("k1", "k2", "kx", "ky", "twist")
+# A radius beyond this is as good as flat, and would leave the colours of a scale in mm to one end.
+LARGEST_RADIUS_MM = 1e5
+# Differences below these are the last digits of float64: a scale finer than this would paint them as structure.
+LEAST_SPREAD = 1e-6  # of the values' size
+LEAST_CURVATURE_PER_M = 1e-6
+LEAST_PERCENT = 1e-6
+# A limit this many times beyond the largest deviation is named beside the scale: on it, the maps would be blank.
+FAR_LIMIT = 3.0
+# Beyond this a deviation is larger than the curvature it is a percent of, as where a law passes through zero: one line of
+# such places would set the scale of all maps.
+LARGEST_PERCENT = 100.0
+SAME_SIZE = 1e-6  # relative: values that rounding alone tells apart, as a mirror that is symmetric in y has them
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """One quantity at the grid, designed and realised; `as_curvature` where a radius cannot be drawn."""
+
+    name: str
+    unit: str
+    designed: Array
+    realised: Array
+    as_curvature: bool = False
+
+    def scale(self) -> tuple[float, float]:
+        """The one scale of both, in `unit`."""
+        low = float(min(self.designed.min(), self.realised.min()))
+        high = float(max(self.designed.max(), self.realised.max()))
+        least = LEAST_CURVATURE_PER_M if self.unit == "1/m" else LEAST_SPREAD * max(abs(low), abs(high))
+        return widened(low, high, least)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeviationFields:
+    """Realised minus designed at the grid, in `unit`: percent, or 1/m for a plane and where percent mean nothing.
+
+    worst : of each quantity the value largest in size, in `unit`, and its place in mm.
+    limit : ± percent that k1 and k2 may have, None without one and in 1/m.   scale : the one scale of all, ± in `unit`.
+    """
+
+    values: dict[str, Array]
+    unit: str
+    worst: dict[str, tuple[float, tuple[float, float]]]
+    limit: float | None
+
+    @property
+    def largest(self) -> float:
+        return max(float(np.abs(field).max()) for field in self.values.values())
+
+    @property
+    def scale(self) -> float:
+        least = LEAST_PERCENT if self.unit == "%" else LEAST_CURVATURE_PER_M
+        largest = max(self.largest, least)
+        return largest if self.limit is None or self.limit_is_far else max(largest, 1.1 * self.limit)
+
+    @property
+    def limit_is_far(self) -> bool:
+        """Whether the limit lies too far outside the deviations to be drawn on their scale."""
+        return self.limit is not None and self.limit > FAR_LIMIT * self.largest
+
+
+def pairs_of(deviation: CurvatureDeviation) -> list[Pair]:
+    """Rx, Ry (mm; as curvature, 1/m, where they are flat or change sign), Km and Ka of eq. 1 (1/m), at the grid."""
+    designed, realised = deviation.designed, deviation.realised
+    power = [[0.5e3 * (w.w11 + w.w22), 0.5e3 * (w.w11 - w.w22)] for w in (designed, realised)]
+    return [radius_pair("Rx", designed.w11, realised.w11), radius_pair("Ry", designed.w22, realised.w22),
+            Pair("Km", "1/m", power[0][0], power[1][0]), Pair("Ka", "1/m", power[0][1], power[1][1])]
+
+
+def deviation_fields(deviation: CurvatureDeviation, limit_percent: float | None) -> DeviationFields:
+    """The deviations the report draws, and where each is worst."""
+    values, unit, limit = deviation.percent, "%", limit_percent
+    if values is None or max(float(np.abs(field).max()) for field in values.values()) > LARGEST_PERCENT:
+        per_mm = differences(deviation.realised, deviation.designed)
+        values, unit, limit = {key: 1e3 * field for key, field in per_mm.items()}, "1/m", None
+    return DeviationFields(values, unit, {key: _worst(field, deviation.grid) for key, field in values.items()}, limit)
+
+
+def _worst(field: Array, grid: Grid) -> tuple[float, tuple[float, float]]:
+    """The value largest in size and its place; of places that rounding alone tells apart the upper, as in deviation.json."""
+    size = np.abs(field)
+    ties = np.flatnonzero(size >= size.max() * (1.0 - SAME_SIZE))
+    at = int(ties[np.argmax(grid.y[ties])])
+    return float(field[at]), (float(grid.x[at]), float(grid.y[at]))
+
+
+def differences(realised: ShapeOperator, designed: ShapeOperator) -> dict[str, Array]:
+    """k1, k2, kx, ky and twist, realised − designed, 1/mm."""
+    after, before = (principal_curvatures_of(w) for w in (realised, designed))
+    kx, ky, twist = (a - b for a, b in zip(realised, designed, strict=True))
+    return {"k1": after[0] - before[0], "k2": after[1] - before[1], "kx": kx, "ky": ky, "twist": twist}
+
+
+def percent_of(realised: ShapeOperator, designed: ShapeOperator, rms: float) -> dict[str, Array]:
+    """`differences` in percent as deviation.json has them; rms : of the designed curvature, 1/mm, above 0."""
+    pair, floor = percent_scale(designed, rms), FLOOR * rms
+    scale = {"k1": pair[..., 0], "k2": pair[..., 1], "kx": np.maximum(np.abs(designed.w11), floor),
+             "ky": np.maximum(np.abs(designed.w22), floor), "twist": np.asarray(rms)}
+    return {key: 100.0 * value / scale[key] for key, value in differences(realised, designed).items()}
+
+
+def radius_pair(name: str, designed: Array, realised: Array) -> Pair:
+    """Curvatures, 1/mm, as radii, mm; as curvatures, 1/m, where a radius is flat or changes sign."""
+    both = np.concatenate([designed, realised])
+    one_sign = bool((both > 0.0).all() or (both < 0.0).all())
+    if one_sign and float(np.abs(both).min()) * LARGEST_RADIUS_MM >= 1.0:
+        return Pair(name, "mm", 1.0 / designed, 1.0 / realised)
+    return Pair(f"1/{name}", "1/m", 1e3 * designed, 1e3 * realised, as_curvature=True)
+
+
+def widened(low: float, high: float, least: float) -> tuple[float, float]:
+    """The interval, made `least` wide about its middle where it is narrower."""
+    if high - low >= least:
+        return low, high
+    middle = 0.5 * (low + high)
+    return middle - 0.5 * least, middle + 0.5 * least

@@ -1,0 +1,68 @@
+"""Requirements, probe points and the change by STEP in, their tables' cells as text out."""
+
+from __future__ import annotations
+
+import math
+
+from mirror_studio.report.probe import Probe
+from mirror_studio.report.step_change import StepChange
+from mirror_studio.report.text import MISSING, NARROW_SPACE, fixed, given, place, plain, with_unit
+from mirror_studio.report.uncertainty import Uncertainty
+from mirror_studio.report.verdict_table import Requirement
+
+GROUPS = {"part": "Part: optical face as read back, against the design",
+          "numerical": "Numerics: each stage against the one before",
+          "files": "Files: read back, against the design"}
+# What a CAD system shows: a micrometre's thousandth, and of a radius a tenth of a micrometre.
+COORDINATE_DECIMALS, NORMAL_DECIMALS, RADIUS_DECIMALS, ANGLE_DECIMALS = 6, 7, 4, 3
+
+
+def requirement_groups(rows: list[Requirement], measured: Uncertainty) -> list[tuple[str, list[dict[str, str]]]]:
+    """The verdict table, group by group: name, limit, actual, margin, place, verdict."""
+    return [(title, [_requirement(row, measured) for row in rows if row.group == group]) for group, title in GROUPS.items()]
+
+
+def probe_rows(probe: Probe) -> list[list[str]]:
+    """Number, x, y, z, nx, ny, nz, R1, R2 and the direction of R1, of each point."""
+    rows = []
+    for k, (point, normal, radii, angle) in enumerate(zip(probe.points, probe.normals, probe.radii, probe.angles_deg,
+                                                          strict=True), start=1):
+        rows.append([str(k), *(plain(float(value)) for value in point[:2]), fixed(float(point[2]), COORDINATE_DECIMALS),
+                     *(fixed(float(value), NORMAL_DECIMALS) for value in normal),
+                     *("flat" if math.isinf(radius) else fixed(float(radius), RADIUS_DECIMALS) for radius in radii),
+                     fixed(float(angle), ANGLE_DECIMALS)])
+    return rows
+
+
+def change_rows(change: StepChange) -> list[tuple[str, str, str, str]]:
+    """Quantity, before, after and difference."""
+    return [(row.name, _joined(fixed(row.before, row.decimals), row.unit), _joined(fixed(row.after, row.decimals), row.unit),
+             with_unit(row.after - row.before, row.unit, 2, sign=True) if row.unit else fixed(row.after - row.before, 0))
+            for row in change.rows]
+
+
+def _requirement(row: Requirement, measured: Uncertainty) -> dict[str, str]:
+    signed = row.group != "files"
+    verdict = {True: "met", False: "not met", None: "no limit"}[row.met]
+    key = row.name[:2]
+    if row.group == "part" and row.margin is not None and abs(row.margin) < measured.missed(key):
+        verdict += ", but closer than the grid tells"
+    return {
+        "name": row.name, "met": {True: "yes", False: "no", None: "open"}[row.met], "verdict": verdict,
+        "limit": MISSING if row.limit is None else ("±" if signed else "") + _asked(row.limit, row.unit),
+        "actual": _quantity(row.actual, row.unit, signed), "margin": MISSING if row.margin is None else
+        _quantity(row.margin, row.unit, False), "place": MISSING if row.place is None or row.actual == 0.0 else
+        f"{place(row.place)}{NARROW_SPACE}mm",
+    }
+
+
+def _quantity(value: float, unit: str, sign: bool) -> str:
+    return with_unit(value, unit, 3, sign) if unit else with_unit(value, "", 3, sign).strip()
+
+
+def _asked(value: float, unit: str) -> str:
+    return given(value, unit) if unit else given(value, "").strip()
+
+
+def _joined(text: str, unit: str) -> str:
+    return f"{text}{NARROW_SPACE}{unit}" if unit else text

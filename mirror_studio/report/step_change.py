@@ -1,0 +1,81 @@
+"""A mirror and its STEP file as read back in, the optical face before and after out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mirror_cad.bspline import BSplineSurface
+from mirror_cad.deviation import CurvatureDeviation, Stage
+from mirror_cad.differential import principal_curvatures_of
+from mirror_cad.mirror import Mirror
+from mirror_studio.report.tables import Table
+
+if TYPE_CHECKING:
+    from mirror_cad.occt.step import StepFile
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One quantity before and after, in `unit` ("" for counts)."""
+
+    name: str
+    before: float
+    after: float
+    unit: str
+    decimals: int  # in the report
+
+
+@dataclass(frozen=True, slots=True)
+class StepChange:
+    """The optical face before writing and as read back.
+
+    poles_mm, knots_mm : the farthest that a pole's coordinate and a knot have moved; None where their numbers differ.
+    """
+
+    rows: tuple[Change, ...]
+    poles_mm: float | None
+    knots_mm: float | None
+
+    def table(self) -> Table:
+        """A row a quantity."""
+        rows = self.rows
+        return Table("step", {"quantity": [row.name for row in rows], "unit": [row.unit for row in rows],
+                              "before": [row.before for row in rows], "after": [row.after for row in rows],
+                              "difference": [row.after - row.before for row in rows]})
+
+
+def step_change(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurface, file: StepFile | None) -> StepChange:
+    """Form and size of the optical face. file : the STEP file as read; None without the kernel."""
+    made, states = mirror.surface, deviation.states
+    rows = [Change("degree along x", float(made.degree_u), float(read_back.degree_u), "", 0),
+            Change("degree along y", float(made.degree_v), float(read_back.degree_v), "", 0)]
+    rows += [Change(f"poles along {way}", float(made.poles.shape[k]), float(read_back.poles.shape[k]), "", 0)
+             for k, way in enumerate("xy")]
+    for name, value in (("lowest point", _lowest), ("k1, largest", _largest_k1), ("k2, smallest", _smallest_k2)):
+        unit, decimals = ("mm", 9) if value is _lowest else ("1/m", 9)
+        rows.append(Change(name, value(states["fit"]), value(states["step"]), unit, decimals))
+    if file is not None:
+        from mirror_cad.occt.solid import area
+        from mirror_cad.occt.step import OPTICAL_FACE
+
+        optical = next(face.raw for face in file.faces if face.name == OPTICAL_FACE)
+        rows.append(Change("area of the optical face", mirror.plate.area_mm2, area(optical), "mm²", 6))
+    pairs = ((made.knots_u, read_back.knots_u), (made.knots_v, read_back.knots_v))
+    return StepChange(
+        tuple(rows), float(np.abs(made.poles - read_back.poles).max()) if made.poles.shape == read_back.poles.shape else None,
+        max(float(np.abs(a - b).max()) for a, b in pairs) if all(len(a) == len(b) for a, b in pairs) else None)
+
+
+def _lowest(stage: Stage) -> float:
+    return float(stage.height.min())
+
+
+def _largest_k1(stage: Stage) -> float:
+    return 1e3 * float(principal_curvatures_of(stage.shape)[0].max())
+
+
+def _smallest_k2(stage: Stage) -> float:
+    return 1e3 * float(principal_curvatures_of(stage.shape)[1].min())
