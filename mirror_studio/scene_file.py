@@ -73,12 +73,13 @@ class AimSection(Section):
 
 
 class OwnVehicleSection(Section):
-    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks; body "none" has no looks."""
+    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on; body "none" has
+    no looks."""
 
     width_m: Size = 1.74
-    front_m: Metres = 0.0
+    front_m: Metres = -0.2
     rear_m: Metres = 3.9
-    height_m: Size = 2.2
+    height_m: Size = 2.45
     body: str = "light-truck-flank"
     paint: Colour | None = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,38 +35,42 @@ class World:
     def __init__(self, scene: SceneFile) -> None:
         self.named: tuple[tuple[str, Body], ...] = bodies_of(scene)
         self.bodies = tuple(body for _, body in self.named)
+        self.own = 0 if scene.own_vehicle.body == "none" else 1  # how many of the bodies are the driver's vehicle
         self.road, self.daylight = road_of(scene), daylight_of(scene)
         self.woods = Woods() if self.road is not None else None  # the horizon of a scene that brings its own ground is its own
         self.reflectance = scene.mirror.reflectance
 
-    def around(self, mirror: DrivenMirror) -> LitWorld:
-        """The lit world with a mirror's housing in it."""
-        return LitWorld((*self.bodies, housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight, self.woods)
-
-    def alone(self) -> LitWorld:
-        """The lit world without a mirror."""
+    @cached_property
+    def lit(self) -> LitWorld:
+        """The lit world: what mirrors show."""
         return LitWorld(self.bodies, self.road, self.daylight, self.woods)
+
+    def beside(self, mirror: DrivenMirror) -> LitWorld:
+        """What the driver sees past a mirror: its housing, and nothing of the vehicle that he sits in."""
+        return LitWorld((*self.bodies[self.own:], housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight,
+                        self.woods)
 
 
 def both_eyes(mirror: DrivenMirror, world: World, progress: Callable[[float], None] | None = None, width: int = EYE_WIDTH_PX,
               height: int = EYE_HEIGHT_PX) -> tuple[Picture, dict[str, int]]:
     """What the left and the right eye see, side by side, (height, 2·width, 3); and how many rays had which status."""
     report = progress or (lambda share: None)
-    lit = world.around(mirror)
+    beside = world.beside(mirror)
     pictures, counts = [], dict[str, int]()
     for number, view in enumerate((mirror.views.left, mirror.views.right)):
-        picture, rays = eye_picture(mirror, view, lit, world.reflectance, width, height,
+        picture, rays = eye_picture(mirror, view, world, beside, width, height,
                                     lambda share, number=number: report(0.5 * (number + share)))  # type: ignore[misc]
         pictures.append(picture)
         counts = {name: counts.get(name, 0) + rays.get(name, 0) for name in {*counts, *rays}}
     return np.concatenate(pictures, axis=1), dict(sorted(counts.items()))
 
 
-def eye_picture(mirror: DrivenMirror, view: View, lit: LitWorld, reflectance: float, width: int, height: int,
+def eye_picture(mirror: DrivenMirror, view: View, world: World, beside: LitWorld, width: int, height: int,
                 progress: Callable[[float], None] | None = None) -> tuple[Picture, dict[str, int]]:
     """What one eye sees, looking at the middle of the mirror: the mirror, its housing, and the world beside it."""
     camera, pixel = camera_at(mirror, view, width, height)
-    return photograph(view.reflector, camera, DrivenWorld(lit, view.pose, reflectance, 0.5 * pixel, cones_of(view)), progress)
+    driven = DrivenWorld(world.lit, beside, view.pose, world.reflectance, 0.5 * pixel, cones_of(view))
+    return photograph(view.reflector, camera, driven, progress)
 
 
 def camera_at(mirror: DrivenMirror, view: View, width: int, height: int) -> tuple[Camera, float]:

@@ -51,8 +51,9 @@ def reference_picture(scene: SceneFile, world: World, progress: Callable[[float]
     top, left = CENTRE_MM[1] + 0.5 * HEIGHT_MM, CENTRE_MM[0] + 0.5 * WIDTH_MM  # of the picture; its left is at +X
     camera = Camera(np.zeros(3), np.array([left, top, plane_mm()]), np.array([-size, 0.0, 0.0]), np.array([0.0, -size, 0.0]),
                     width_px, round(HEIGHT_MM / size))
-    whole = DrivenWorld(world.alone(), straight, 1.0, 0.5 * size / plane_mm(), Cones((0.0, 1.0, 0.0, 1.0), np.ones((2, 2))))
-    return photograph(None, camera, whole, progress)[0]
+    same = Cones((0.0, 1.0, 0.0, 1.0), np.ones((2, 2)))
+    driven = DrivenWorld(world.lit, world.lit, straight, 1.0, 0.5 * size / plane_mm(), same)
+    return photograph(None, camera, driven, progress)[0]
 
 
 def plane_mm() -> float:

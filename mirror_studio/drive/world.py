@@ -59,7 +59,7 @@ def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
 
     found = []
     if scene.own_vehicle.body != "none":
-        own = body(scene.own_vehicle.body)
+        own = body(scene.own_vehicle.body).placed(MM * np.array([scene.own_vehicle.front_m, 0.0, 0.0]))
         found.append(("", own if scene.own_vehicle.paint is None else own.painted(_colour(scene.own_vehicle.paint))))
     for vehicle in scene.vehicle:
         made = body(vehicle.body, vehicle.unit, vehicle.up)

@@ -32,12 +32,13 @@ class Cones:
 class DrivenWorld:
     """The world around a vehicle, as its driver sees it in a mirror and directly beside it.
 
-    Rays that the mirror reflects see the world from where they leave it, dimmed by its reflectance; the others see it from
-    the eye, the mirror's housing included where it is one of the world's bodies.
+    Rays that the mirror reflects see `world` from where they leave it, dimmed by its reflectance. The others see `beside` from
+    the eye: the same world with the mirror's housing, and without the vehicle that the driver sits in.
     spread : half the angle between the rays of neighbouring samples, radians: what a ray stands for.
     """
 
     world: LitWorld
+    beside: LitWorld
     pose: Pose
     reflectance: float
     spread: float
@@ -47,10 +48,12 @@ class DrivenWorld:
         """Add the radiance each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum."""
         n = len(rays)
         origins, ways, spread = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-        per_side = np.sqrt(samples)
         _onward(trace.status, trace.points, trace.directions, eye, rays, self.pose.rotation, self.pose.offset,
-                self.spread / per_side, np.array(self.cones.box), self.cones.factor, origins, ways, spread)
-        _add(trace.status, self.world.radiance(origins, ways, spread), self.reflectance, sums, samples)
+                self.spread / np.sqrt(samples), np.array(self.cones.box), self.cones.factor, origins, ways, spread)
+        for world, share, which in ((self.world, self.reflectance, np.flatnonzero(trace.status == 0)),
+                                    (self.beside, 1.0, np.flatnonzero(trace.status != 0))):
+            if which.size:
+                _add(which, world.radiance(origins[which], ways[which], spread[which]), share, sums, samples)
 
     def to_display(self, means: Array) -> NDArray[np.uint8]:
         """Exposed and developed: see `Daylight.display`."""
@@ -83,8 +86,7 @@ def _onward(status, points, directions, eye, rays, rotation, offset, spread, box
 
 
 @njit(cache=True, nogil=True)
-def _add(status, radiance, reflectance, sums, samples):
-    for n in range(len(status)):
-        share = reflectance if status[n] == 0 else 1.0
+def _add(which, radiance, share, sums, samples):
+    for k in range(len(which)):
         for c in range(3):
-            sums[n // samples, c] += share * radiance[n, c]
+            sums[which[k] // samples, c] += share * radiance[k, c]
