@@ -1,0 +1,162 @@
+"""Two eyes' views of a mirror and a lane in, the part of the lane that neither they nor direct view show out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.measures.edge import edge_of
+from raytrace.measures.plan import ENDLESS_MM, Axis, Polygon, Spans, combined, outlines, shown
+from raytrace.vehicle import OwnVehicle
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+
+# Of the two eyes' field of vision to either side of where they look: nearly 190° in all (CIE, International Lighting
+# Vocabulary, "field of vision").
+DIRECT_VIEW = np.radians(95.0)
+FROM_MM, TO_MM = -5_000.0, 60_000.0
+# Lines across the lane: every 25 mm where blind zones are, then every 200 mm.
+LINES_MM = np.concatenate([np.arange(FROM_MM, -1_000.0, 200.0), np.arange(-1_000.0, 8_000.0, 25.0),
+                           np.arange(8_000.0, TO_MM + 1.0, 200.0)])
+ASIDE_MM = 25.0  # between the places across the lane at which a car is tried
+CAR_LENGTH_MM, CAR_WIDTH_MM = 4_500.0, 1_800.0
+
+
+@dataclass(frozen=True, slots=True)
+class NearLane:
+    """A lane beside the own one: y_min_mm ≤ Y ≤ y_max_mm."""
+
+    y_min_mm: float
+    y_max_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlindZone:
+    """The part of a lane that is in no view, at one height over the ground; mm, and mm².
+
+    middle (k, 2) : the intervals of X along the lane's middle.   length_mm : of all.   area_mm2 : between the lines looked at.
+    outlines : closed polygons (n, 2) of (X, Y).   endless : whether the zone goes on where looking ends, so that length and
+    area are what is looked at.   x_mm (n,), spans : the lines X = const on which it was found, and its intervals of Y.
+    """
+
+    height_mm: float
+    middle: Array
+    length_mm: float
+    area_mm2: float
+    outlines: tuple[Polygon, ...]
+    endless: bool
+    x_mm: Array
+    spans: Spans
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenCar:
+    """Whether a car of the stated size hides wholly, and how long the longest of its width is that does, mm."""
+
+    length_mm: float
+    width_mm: float
+    hides: bool
+    longest_mm: float
+
+
+def blind_zone(left: View, right: View, own: OwnVehicle | None, lane: NearLane, height_mm: float = 0.0,
+               direct_view: float = DIRECT_VIEW) -> BlindZone:
+    """The points (X, Y, height) of a lane that neither eye sees in the mirror and that are behind the limit of direct view.
+
+    Direct view ends at an azimuth from straight ahead, in radians, to either side of the middle of the eyes:
+
+        seen directly:   atan2(|Y − Y_e|, X_e − X) ≤ direct_view
+
+    The vehicle's pillars and doors are not looked at. The default, 95°, is half of the field of vision of two eyes that look
+    straight ahead; a driver whose eyes turn by 15° and whose head turns by 45°, which SAE J1050 calls easy, looks as far as
+    60°, and what he sees beside that is his to state. The lane is looked at from X = −5 to 60 m. The intervals along its
+    middle and the vertices of the outlines are exact; the area is the trapezoidal rule over lines 25 mm apart up to 8 m behind
+    the eyes and 0.2 m beyond.
+    Source: Platzer, The geometry of automotive rearview mirrors: why blind zones exist and strategies to overcome them, SAE
+    950601 (1995), for the idea; here both eyes, the own vehicle and the height of what is to be seen count.
+    """
+    eye = 0.5 * (left.eye + right.eye)
+    spans = _blind(left, right, own, 0, LINES_MM, height_mm, (lane.y_min_mm, lane.y_max_mm), eye, direct_view)
+    along = blind_along(left, right, own, lane, height_mm, direct_view)
+    width = np.bincount(spans.row, spans.high - spans.low, minlength=len(LINES_MM))
+    return BlindZone(height_mm, along.of(0), along.total, float(np.trapezoid(width, LINES_MM)), outlines(spans, LINES_MM),
+                     bool(width[-1] > 0.0), LINES_MM, spans)
+
+
+def blind_along(left: View, right: View, own: OwnVehicle | None, lane: NearLane, height_mm: float = 0.0,
+                direct_view: float = DIRECT_VIEW) -> Spans:
+    """The intervals of X along a lane's middle in its blind zone (`blind_zone`), as those of line 0."""
+    middle = np.array([0.5 * (lane.y_min_mm + lane.y_max_mm)])
+    return _blind(left, right, own, 1, middle, height_mm, (FROM_MM, TO_MM), 0.5 * (left.eye + right.eye), direct_view)
+
+
+def hidden_car(zones: tuple[BlindZone, ...], lane: NearLane, length_mm: float = CAR_LENGTH_MM, width_mm: float = CAR_WIDTH_MM,
+               ) -> HiddenCar:
+    """Whether a car, a rectangle along the lane, fits into the blind zones at each of the heights looked at.
+
+    Tried at places 25 mm apart across the lane. Its length is that of the lines X = const on which its width is blind, with
+    the ends between two lines interpolated straight where one end of their intervals moves past it; else at most a line's
+    distance too short.
+    """
+    first = zones[0]
+    spans = first.spans
+    for zone in zones[1:]:
+        spans = combined(lambda a, b: a & b, spans, zone.spans)
+    room = lane.y_max_mm - lane.y_min_mm - width_mm
+    longest = 0.0
+    if room >= 0.0:
+        for low in lane.y_min_mm + np.linspace(0.0, room, int(room / ASIDE_MM) + 2):
+            longest = max(longest, _longest(spans, lane, first.x_mm, low, low + width_mm))
+    return HiddenCar(length_mm, width_mm, longest >= length_mm, longest)
+
+
+def _longest(spans: Spans, lane: NearLane, x: Array, low: float, high: float) -> float:
+    """How long the longest rectangle low ≤ Y ≤ high is that lies in the intervals."""
+    # By how much the best interval of each line is wider than the rectangle, at its tighter end; the lane's own edge is none.
+    below = np.where(spans.low > lane.y_min_mm, low - spans.low, np.inf)
+    above = np.where(spans.high < lane.y_max_mm, spans.high - high, np.inf)
+    spare = np.full(len(x), -np.inf)
+    np.maximum.at(spare, spans.row, np.minimum(below, above))
+    inside = np.flatnonzero(spare >= 0.0)
+    if inside.size == 0:
+        return 0.0
+    breaks = np.flatnonzero(np.diff(inside) > 1)
+    begin, end = inside[np.append(0, breaks + 1)], inside[np.append(breaks, len(inside) - 1)]
+    return float(np.max(_reach(spare, x, end, 1) - _reach(spare, x, begin, -1)))
+
+
+def _reach(spare: Array, x: Array, line: NDArray[np.intp], step: int) -> Array:
+    """Where beyond lines the spare width becomes 0, between them and the next; at them where that is not to be told."""
+    beyond = np.clip(line + step, 0, len(x) - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = spare[line] / (spare[line] - spare[beyond])
+    told = np.isfinite(spare[line]) & np.isfinite(spare[beyond]) & (spare[beyond] < 0.0)
+    result: Array = x[line] + np.where(told, share, 0.0) * (x[beyond] - x[line])
+    return result
+
+
+def _blind(left: View, right: View, own: OwnVehicle | None, axis: Axis, values: Array, height_mm: float,
+           ends: tuple[float, float], eye: Array, direct_view: float) -> Spans:
+    """The parts of lines X or Y = value, between their ends, that no view shows."""
+    low, high = ends
+    rows = np.arange(len(values))
+    lane = Spans(rows, np.full(len(values), low), np.full(len(values), high))
+    in_left, in_right = (shown(edge_of(view), axis, values, height_mm, own, low, high) for view in (left, right))
+    return combined(lambda whole, a, b, c: whole & ~(a | b | c), lane, in_left, in_right,
+                    _direct(axis, values, eye, direct_view).clipped(low, high))
+
+
+def _direct(axis: Axis, values: Array, eye: Array, direct_view: float) -> Spans:
+    """The parts of lines X or Y = value that are before the limit of direct view: X ≤ X_e − |Y − Y_e|·cot(limit)."""
+    rows, cot = np.arange(len(values)), 1.0 / np.tan(direct_view)
+    if axis == 1:
+        return Spans(rows, np.full(len(values), -ENDLESS_MM), eye[0] - np.abs(values - eye[1]) * cot)
+    aside = (eye[0] - values) / cot
+    if cot > 0.0:  # a limit below 90°: between two lines that open forwards
+        return Spans(rows, eye[1] - aside, eye[1] + aside).clipped(-ENDLESS_MM, ENDLESS_MM)
+    aside = np.maximum(aside, 0.0)
+    return Spans(np.repeat(rows, 2), np.stack([np.full(len(values), -ENDLESS_MM), eye[1] + aside], axis=1).ravel(),
+                 np.stack([eye[1] - aside, np.full(len(values), ENDLESS_MM)], axis=1).ravel())

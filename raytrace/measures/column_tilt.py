@@ -1,0 +1,66 @@
+"""A vertical line of the world and a view in, how far its image leans out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.measures.ground import side_of
+from raytrace.measures.line_bow import ARCMIN
+from raytrace.measures.line_image import UP, LineImage, StraightLine, line_images
+from raytrace.vehicle import OwnVehicle
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tilt:
+    """How a vertical line's image leans; arc minutes, above 0 where its top leans towards the vehicle.
+
+    arcmin : in the mirror.   flat_arcmin : in a flat mirror that touches this one where it shows the middle of the image.
+    own_arcmin : what the mirror's curvature adds, the difference of the two.   image : what was measured.
+    """
+
+    arcmin: float
+    flat_arcmin: float
+    own_arcmin: float
+    image: LineImage
+
+
+def column_tilt(view: View, line: StraightLine, own: OwnVehicle | None = None) -> Tilt | None:
+    """The angle between a vertical line's image and the vertical, of the largest part that is seen; None where nothing is.
+
+    With a and b the unit directions in which the eye sees the lower and upper end of the image and m = (a + b)/|a + b|:
+
+        tilt = the angle, about m, from the vertical plane through m to the plane of a and b
+
+    Upright on the picture plane of a camera that looks along m with its own up is not upright for a mirror that is pitched:
+    a flat one leans verticals too. So the same is said of the flat mirror that is tangent where the mirror shows what is seen
+    at the middle: its image of the same two points of the line.
+    """
+    images = line_images(view, line, own)
+    if not images or len(images[0].along_mm) < 2:
+        return None
+    image = images[0]
+    middle = image.places[0] + 0.5 * (image.places[-1] - image.places[0])
+    sight = view.whole.sight(np.array([middle]))
+    ray = view.towards(middle)
+    normal = sight.directions[0] - ray
+    normal /= np.linalg.norm(normal)
+    ends = line.at(image.along_mm[[0, -1]])
+    behind = ends - 2.0 * ((ends - sight.points[0]) @ normal)[:, None] * normal - view.eye
+    behind /= np.linalg.norm(behind, axis=1, keepdims=True)
+    inboard = -side_of(view)
+    tilt, flat = (float(inboard * ARCMIN * _lean(*two)) for two in (image.directions[[0, -1]], behind))
+    return Tilt(tilt, flat, tilt - flat, image)
+
+
+def _lean(low: Array, high: Array) -> float:
+    """How far the great circle from one direction to another leans to the right of the vertical at its middle, radians."""
+    middle = (low + high) / np.linalg.norm(low + high)
+    right = np.cross(middle, UP)
+    right /= np.linalg.norm(right)
+    return float(np.arctan2((high - low) @ right, (high - low) @ np.cross(right, middle)))

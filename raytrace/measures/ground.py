@@ -1,0 +1,190 @@
+"""Two eyes' views of a mirror and the own vehicle in, the ground that the mirror shows, in plan, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.aim import Aim, shown_aim
+from raytrace.measures.edge import Edge, edge_of
+from raytrace.measures.plan import Polygon, Spans, both, either, outlines, shown
+from raytrace.vehicle import OwnVehicle
+from raytrace.view import Mask, View, box_of
+
+Array = NDArray[np.float64]
+
+WIDTHS_AT_MM = (4_000.0, 10_000.0, 20_000.0, 30_000.0)  # 4, 20 and 30 m are where UN Regulation 46 asks for a width
+BESIDE_MM = 100.0  # the middle of a strip of 0.2 m beside the flank
+FINE_MM, FINE_UP_TO_MM = 100.0, 5_000.0  # lines of the outlines: near the vehicle they bend
+TIP_MM = 1e-3  # from an outline's tip to its first line
+TOUCHING_MM = 1e-3  # what begins this near to the flank's plane begins at it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A grid of points of the ground: x_mm (r,) and y_mm (c,), rising and even, two or more of each."""
+
+    x_mm: Array
+    y_mm: Array
+
+    @staticmethod
+    def beside(side: float, cell_mm: float = 400.0) -> Plan:
+        """The middles of cells over 0 ≤ X ≤ 60 m and, for the left side (−1), −25 ≤ Y ≤ 3 m, for the right its reflection."""
+        y = np.arange(-25_000.0 + 0.5 * cell_mm, 3_000.0, cell_mm)
+        return Plan(np.arange(0.5 * cell_mm, 60_000.0, cell_mm), y if side < 0.0 else -y[::-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenGround:
+    """What of a plan one eye or two together see: mask (r, c) of its points, and closed outlines (n, 2) of (X, Y), mm."""
+
+    mask: Mask
+    outlines: tuple[Polygon, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """The ground (X, Y, 0) that the left eye sees in the mirror, the right one, one or the other (`either`, the ambinocular
+    field), and one and the other (`both`, the binocular field)."""
+
+    plan: Plan
+    left: SeenGround
+    right: SeenGround
+    either: SeenGround
+    both: SeenGround
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenWidth:
+    """At one distance X behind the ocular points: the intervals of Y (k, 2) in which the ground is seen, mm, by either eye and
+    by both; and how wide that is outward of the plane of the flank, mm, from that plane on and without a gap (0 where the
+    ground beside it is not seen)."""
+
+    x_mm: float
+    either: Array
+    both: Array
+    either_mm: float
+    both_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class HorizonMargin:
+    """How the horizon lies in the mirror, for one eye.
+
+    height : the share of the mirror's height, in the middle of its width, that is above the horizon.
+    angle : how far above the horizon the mirror shows there, radians: the elevation of the ray at the upper edge.
+    whole : whether the horizon's row runs through the mirror from one side to the other: it crosses the edge twice, each time
+    where this is steeper than 45°.
+    aim : the flank's share of the width and the horizon's place in the height as an aim asks for them (`shown_aim`).
+    NaN and False where the middle does not show the horizon.
+    """
+
+    height: float
+    angle: float
+    whole: bool
+    aim: Aim
+
+
+def seen_ground(left: View, right: View, own: OwnVehicle | None = None, plan: Plan | None = None) -> Ground:
+    """The points of the ground that a mirror shows the left and the right eye, and the own vehicle does not hide.
+
+    A point (X, Y, 0) is seen by an eye if the ray from the eye that the mirror reflects through it meets the mirror inside
+    its outline, and the way from there to the point does not pass the vehicle's box. Nothing else is looked at: no pillar or
+    window before the mirror, no other vehicle. The plan's points are decided exactly; exact are also the vertices of
+    the outlines, which lie on lines X = const through those points, every 0.1 m up to 5 m, and at their tips.
+    Source of the terms: UN Regulation 46, paragraph 12 (ambinocular vision, ocular points 65 mm apart).
+    """
+    plan = plan or Plan.beside(side_of(left))
+    (x_low, x_high), (y_low, y_high) = _bounds(plan.x_mm), _bounds(plan.y_mm)
+    edges = edge_of(left), edge_of(right)
+    x = np.unique(np.concatenate([plan.x_mm, _lines(edges, own, x_low, x_high)]))
+    cells = np.searchsorted(x, plan.x_mm)
+    seen = [shown(edge, 0, x, 0.0, own, y_low, y_high) for edge in edges]
+
+    def of(spans: Spans) -> SeenGround:
+        return SeenGround(spans.mask(len(x), plan.y_mm)[cells], outlines(spans, x))
+
+    return Ground(plan, of(seen[0]), of(seen[1]), of(either(*seen)), of(both(*seen)))
+
+
+def seen_widths(left: View, right: View, own: OwnVehicle, at_mm: tuple[float, ...] = WIDTHS_AT_MM) -> tuple[SeenWidth, ...]:
+    """Where across the road the ground is seen at distances behind the ocular points, without what the vehicle hides.
+
+    Exact: an end is where a ray through the mirror's edge, or one that touches the vehicle, meets the ground.
+    Source: UN Regulation 46, paragraph 15.2.4, asks for such widths outward of the plane through the flank, ambinocular.
+    """
+    x = np.array(sorted(at_mm))
+    seen = [shown(edge_of(view), 0, x, 0.0, own) for view in (left, right)]
+    one, two = either(*seen), both(*seen)
+    side = side_of(left)
+    return tuple(SeenWidth(float(value), one.of(row), two.of(row), _from_flank(one.of(row), own, side),
+                           _from_flank(two.of(row), own, side)) for row, value in enumerate(x))
+
+
+def nearest_at_flank(left: View, right: View, own: OwnVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
+    """The smallest X at which the ground beside the flank is seen by either eye, and by both, mm; NaN where it is not.
+
+    On the line on the ground that runs beside_mm outward of the plane of the flank.
+    """
+    y = np.array([side_of(left) * (own.half_width_mm + beside_mm)])
+    seen = [shown(edge_of(view), 1, y, 0.0, own) for view in (left, right)]
+    one, two = either(*seen), both(*seen)
+    return (float(one.low[0]) if len(one.low) else np.nan), (float(two.low[0]) if len(two.low) else np.nan)
+
+
+def horizon_margin(view: View, own: OwnVehicle) -> HorizonMargin:
+    """How the horizon and the end of the flank lie in the mirror as an eye sees it."""
+    edge = edge_of(view)
+    aim = shown_aim(view.reflector, view.pose, view.eye, own.rear_edge(view.pose.hand))
+    x_min, x_max, y_min, y_max = box_of(view.reflector)
+    middle = 0.5 * (x_min + x_max)
+    _, _, ends = edge.crossings(lambda points, directions: view.pose.to_mirror(points)[:, 0] - middle)
+    k, _, _ = edge.crossings(lambda points, directions: directions[:, 2])
+    along = np.abs(edge.places[edge.following[k]] - edge.places[k])
+    sides = bool((along[:, 1] > along[:, 0]).all())
+    if len(ends.points) < 2 or not np.isfinite(aim.horizon):
+        return HorizonMargin(np.nan, np.nan, False, aim)
+    height = view.pose.to_mirror(ends.points)[:, 1]
+    top, bottom = int(np.argmax(height)), int(np.argmin(height))
+    row = y_min + aim.horizon * (y_max - y_min)
+    if not height[bottom] < row < height[top]:
+        return HorizonMargin(np.nan, np.nan, False, aim)
+    return HorizonMargin(float((height[top] - row) / (height[top] - height[bottom])),
+                         float(np.arcsin(ends.directions[top, 2])), len(k) == 2 and sides, aim)
+
+
+def side_of(view: View) -> float:
+    """−1 for a left-hand mirror, beside which Y is negative, and 1 for a right-hand one."""
+    return -1.0 if view.pose.hand == "left" else 1.0
+
+
+def _bounds(centres: Array) -> tuple[float, float]:
+    """From the first cell's start to the last one's end."""
+    half = 0.5 * (centres[-1] - centres[0]) / (len(centres) - 1)
+    return float(centres[0] - half), float(centres[-1] + half)
+
+
+def _lines(edges: tuple[Edge, ...], own: OwnVehicle | None, low: float, high: float) -> Array:
+    """Lines X = const that outlines need beside the cells': closer ones near by, both ends, the vehicle's, and the tips."""
+    lines = [np.arange(low, min(high, FINE_UP_TO_MM), FINE_MM), np.array([low, high])]
+    if own is not None:
+        lines.append(np.array([own.front_mm, own.rear_mm]))
+    for edge in edges:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = edge.points[:, 0] - edge.points[:, 2] * edge.directions[:, 0] / edge.directions[:, 2]
+        x = np.where(edge.directions[:, 2] < 0.0, x, np.nan)
+        after = x[edge.following]
+        before = np.empty_like(x)
+        before[edge.following] = x
+        lines += [x[(x < after) & (x <= before)] + TIP_MM, x[(x > after) & (x >= before)] - TIP_MM]
+    every = np.concatenate(lines)
+    return every[(every >= low) & (every <= high)]
+
+
+def _from_flank(intervals: Array, own: OwnVehicle, side: float) -> float:
+    """How far outward of the flank's plane an interval of Y (k, 2) reaches that begins at it or before, mm."""
+    outward = np.sort(side * intervals, axis=1) - own.half_width_mm
+    first = outward[(outward[:, 0] <= TOUCHING_MM) & (outward[:, 1] > 0.0)]
+    return float(first[0, 1]) if len(first) else 0.0

@@ -1,0 +1,69 @@
+"""A line on the road and a view in, how far its image bends, reckoned as the paper reckons its lane, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.measures.lane import LEVEL
+from raytrace.measures.line_image import LineImage, LineView, StraightLine, line_images
+from raytrace.vehicle import OwnVehicle
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+
+# Of what is seen of the line, as an angle: the step of the tangent's differences. Their error is of its fourth power; that of
+# the places is 1e-10 radians of a ray.
+STEP_SHARE = 5e-3
+ONE_SIDED = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12.0  # first derivative, from the first of five places on
+LEAST_SAMPLES = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoadStraightness:
+    """How a line's image bends between its two ends, in mirror coordinates (x, y) on the surface, mm.
+
+    percent : (|Δy_curve| − |Δy_line|)/|Δy_line|.   far, near (2,) : where the image begins and ends.   tangent_y : the height
+    of the far end's tangent above the near end's x.   image : what was measured.
+    """
+
+    percent: float
+    far: Array
+    near: Array
+    tangent_y: float
+    image: LineImage
+
+
+def road_straightness(view: View, line: StraightLine, own: OwnVehicle | None = None) -> RoadStraightness | None:
+    """(|Δy_curve| − |Δy_line|)/|Δy_line| in percent for a straight line on the road.
+
+    As `raytrace.measures.lane` has it for the reference plane, but between the ends of what the mirror shows of the line:
+    from the far one, the vanishing point where the mirror shows it, to the near one, where the image leaves the mirror (or
+    the vehicle hides it, or the line ends). Δy_curve is the image's rise between them; Δy_line that of the image's tangent at
+    the far end, over the same x. The far end takes the place of the paper's right edge: there the lane comes into the picture
+    in both, and the driver looks there. The near end takes the place of the left edge, which a line on the road need not reach.
+    Why the figures differ from the reference plane's: docs/derivations/straight-lines.md.
+    None where the line is not seen, or its image is level or upright at the far end.
+    """
+    images = line_images(view, line, own)
+    if not images or len(images[0].along_mm) < LEAST_SAMPLES:
+        return None
+    image = images[0]
+    seen = LineView.of(view, line)
+    near, far = seen.angle(image.along_mm[[0, -1]])
+    angle = far - STEP_SHARE * (far - near) * np.arange(5)
+    places, _ = seen.find(angle)
+    at = seen.edge.view.sight(places).on_mirror[:, :2]
+    at[0] = image.on_mirror[-1, :2]
+    by_angle = ONE_SIDED @ at
+    across, rise = image.on_mirror[0, :2] - image.on_mirror[-1, :2]
+    width = view.box[1] - view.box[0]
+    if not np.isfinite(at).all() or abs(by_angle[0]) < LEVEL * abs(by_angle[1]) or abs(across) < LEVEL * width:
+        return None
+    straight = float(by_angle[1] / by_angle[0] * across)
+    if abs(straight) < LEVEL * width:
+        return None
+    return RoadStraightness(100.0 * (abs(float(rise)) - abs(straight)) / abs(straight), image.on_mirror[-1, :2],
+                            image.on_mirror[0, :2], float(image.on_mirror[-1, 1]) + straight, image)

@@ -1,0 +1,54 @@
+"""A mirror, where it is put, and angles it is turned by in, what it shows at each out: what a dynamic mirror gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import TraceError
+from raytrace.measures.blind_zone import DIRECT_VIEW, NearLane, blind_along
+from raytrace.measures.edge import edge_of
+from raytrace.measures.ground import side_of
+from raytrace.pose import Pose
+from raytrace.reflector import Reflector
+from raytrace.vehicle import Eyes, OwnVehicle
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class YawCoverage:
+    """At n turns, radians: the azimuths from and to which the horizon's row shows (n,), radians, and the length of the lane's
+    blind zone (n,), mm. NaN where the mirror shows no horizon, and where an eye does not
+    see its face."""
+
+    turns: Array
+    azimuth_from: Array
+    azimuth_to: Array
+    blind_mm: Array
+
+
+def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: OwnVehicle | None, lane: NearLane, turns: Array,
+                 height_mm: float = 0.0, direct_view: float = DIRECT_VIEW) -> YawCoverage:
+    """What a mirror shows when its yaw is that of the pose plus each of the turns (n,), radians.
+
+    Azimuths are those of level rays that leave the mirror's edge, as the middle between the eyes sees it: 0 straight ahead,
+    90° to the mirror's side, 180° straight back; the own vehicle hides nothing. A positive turn turns the mirror's face towards
+    the vehicle. The blind zone is that of both eyes, along the lane's middle (`blind_zone`).
+    """
+    found = np.full((len(turns), 3), np.nan)
+    for k, turn in enumerate(turns):
+        turned = replace(pose, yaw=pose.yaw + float(turn))
+        try:
+            middle, left, right = (View(reflector, turned, eye) for eye in (eyes.middle, eyes.left, eyes.right))
+        except TraceError:
+            continue  # an eye is behind the mirror's face
+        _, _, level = edge_of(middle).crossings(lambda points, directions: directions[:, 2])
+        azimuth = np.mod(np.arctan2(side_of(middle) * level.directions[:, 1], -level.directions[:, 0]), 2.0 * np.pi)
+        if len(azimuth):
+            found[k, :2] = azimuth.min(), azimuth.max()
+        found[k, 2] = blind_along(left, right, own, lane, height_mm, direct_view).total
+    return YawCoverage(turns, *found.T)
