@@ -112,12 +112,12 @@ def driver_view(reflector: Reflector, eye: Array, scene: Scene, frame: Frame,
 
 
 def photograph(reflector: Reflector | None, camera: Camera, scene: Scene, progress: Callable[[float], None] | None = None,
-               samples: int = SAMPLES) -> tuple[Picture, dict[str, int]]:
+               samples: int = SAMPLES, contrast: int = CONTRAST) -> tuple[Picture, dict[str, int]]:
     """The picture that a camera takes of the mirror, (rows, columns, 3) uint8, and how many rays had which status; without
     a reflector, of the scene alone.
 
-    One ray through the middle of every pixel; where that shows a difference of CONTRAST or more to a neighbour, samples²
-    rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
+    One ray through the middle of every pixel; where that shows a difference of `contrast` or more to a neighbour, in values
+    of 255, samples² rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
     The picture does not depend on the number of threads. `progress` is called with the share that is done; what it raises
     ends the work.
     """
@@ -129,7 +129,7 @@ def photograph(reflector: Reflector | None, camera: Camera, scene: Scene, progre
     report = progress or (lambda share: None)
     counts = _render(reflector, camera, scene, np.arange(n), 1, picture, lambda share: report(share / samples))
     if samples > 1:
-        again = np.flatnonzero(_contrasts(picture))
+        again = np.flatnonzero(_contrasts(picture, contrast))
         counts += _render(reflector, camera, scene, again, samples, picture,
                           lambda share: report((1.0 + (samples - 1) * share) / samples))
     report(1.0)
@@ -195,10 +195,10 @@ def _place(shown: Picture, pixels: NDArray[np.intp], colours: Picture) -> None:
             colours[pixels[i], c] = shown[i, c]
 
 
-def _contrasts(picture: Picture) -> NDArray[np.bool_]:
-    """Pixels that differ from one beside, above or below by CONTRAST or more."""
+def _contrasts(picture: Picture, least: int) -> NDArray[np.bool_]:
+    """Pixels that differ from one beside, above or below by so much or more."""
     found = np.zeros(picture.shape[:2], dtype=np.bool_)
-    _mark_contrasts(picture, CONTRAST, found)
+    _mark_contrasts(picture, least, found)
     return found
 
 

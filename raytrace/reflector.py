@@ -186,6 +186,12 @@ class Reflector:
         return TriangleScene(self.mesh.vertices, self.mesh.faces)
 
     @cached_property
+    def facet_normals(self) -> Array:
+        """Unit normals of the mesh's facets, (m, 3)."""
+        assert self.mesh is not None  # asked for only where there is a mesh
+        return self.mesh.facet_normals()
+
+    @cached_property
     def corner_normals(self) -> Array:
         """Normals of the mesh at its facets' corners, (m, 3, 3)."""
         from raytrace.mesh_normals import corner_normals

@@ -289,7 +289,7 @@ def _on_mesh(reflector: Reflector, eye: Array, rays: Array) -> Trace:
     found = Trace.empty(len(rays))
     hits = reflector.mesh_scene.first_hits(origins, units)
     if reflector.normals == "facets":
-        normals = reflector.mesh.facet_normals()[np.maximum(hits.triangle, 0)]
+        normals = reflector.facet_normals[np.maximum(hits.triangle, 0)]
     else:
         from raytrace.mesh_normals import interpolated_normals
 
