@@ -27,6 +27,7 @@ EYE_WIDTH_PX, EYE_HEIGHT_PX = 640, 720  # two of them side by side: 1280 × 720
 ROOM = 0.16  # of the mirror's angular size, left free around it in the picture
 # In the pixels that need more than one sample: nine show no edge's steps, and what differs by less is the asphalt's grain.
 SAMPLES, CONTRAST = 3, 16
+SHADOWS_FROM_MM = 30_000.0  # behind the eyes: what stands farther back throws no shadow that is seen ahead
 CONES = (17, 25)  # columns and rows over the mirror: its magnification changes slowly
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -48,9 +49,9 @@ class World:
         return LitWorld(self.bodies, self.road, self.daylight, self.woods)
 
     def beside(self, mirror: DrivenMirror) -> LitWorld:
-        """What the driver sees past a mirror: its housing, and nothing of the vehicle that he sits in."""
-        return LitWorld((*self.bodies[self.own:], housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight,
-                        self.woods)
+        """What the driver sees past a mirror, looking ahead: its housing, and nothing of the vehicle that he sits in."""
+        near = tuple(body for body in self.bodies[self.own:] if body.vertices[:, 0].min() < SHADOWS_FROM_MM)
+        return LitWorld((*near, housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight, self.woods)
 
 
 def both_eyes(mirror: DrivenMirror, world: World, progress: Callable[[float], None] | None = None, width: int = EYE_WIDTH_PX,
