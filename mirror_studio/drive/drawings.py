@@ -77,8 +77,8 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
                 axes.clabel(lines, fontsize=6, fmt="%g")
             mirror_axes(axes, each.mirror.reflector, title if i == 0 else "", labels=i == len(mirrors) - 1)
             if j == 0:
-                axes.annotate(each.mirror.name, (0.0, 0.5), xycoords="axes fraction", xytext=(-46, 0), rotation=90, ha="right",
-                              textcoords="offset points", va="center", fontsize=SIZE, fontweight="bold", color=INK)
+                axes.set_ylabel(f"{each.mirror.name}\ny, mm" if i == len(mirrors) - 1 else each.mirror.name, fontsize=SIZE,
+                                color=INK)
         if image is not None:
             bar = figure.colorbar(image, ax=grid[:, j], location="bottom", shrink=0.85, aspect=28, pad=0.01)
             bar.ax.tick_params(labelsize=SMALL, colors=SOFT)

@@ -33,12 +33,16 @@ def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figu
 
 def _caption(each: Measured, figures: Mapping[str, Any]) -> str:
     spec = each.mirror.spec
-    laws = "" if spec is None else " × ".join(
-        law_in_short(getattr(spec, key).model_dump(exclude_none=True)) for key in ("horizontal", "vertical")) + "; "
+    laws = "" if spec is None else " × ".join(_law(getattr(spec, key)) for key in ("horizontal", "vertical")) + "; "
     field, size = figures["field_deg"], figures["magnification"]["horizontal"]
     return (f"{laws}yaw {fixed(figures['aim']['yaw_deg'], 1)}°, pitch {fixed(figures['aim']['pitch_deg'], 1)}°; horizon "
             f"{fixed(field['horizon_either'], 1)}° by either eye; far things {fixed(size['middle'], 2)} times as wide as in a "
             f"flat mirror in the middle, {fixed(size['least'], 2)} times at the least")
+
+
+def _law(law: Any) -> str:
+    """A law in a few words: a formula is too long to be read here."""
+    return "a formula" if law.law == "expression" else law_in_short(law.model_dump(exclude_none=True))
 
 
 def _lead(scene: SceneFile) -> str:
