@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ class Grid:
     inside: NDArray[np.bool_]
 
     @staticmethod
+    @lru_cache(maxsize=4)  # a design, its deviation and its plate look at one outline; an outline never changes
     def over(outline: Outline) -> Grid:
         x_min, x_max, y_min, y_max = outline.bounding_box()
         nx, ny = GRID
@@ -44,8 +46,11 @@ class Grid:
         inside = outline.contains(x, y)
         edge = _edge_places(outline)
         weights = np.concatenate([np.ones(int(inside.sum())), np.zeros(len(edge))])
-        return Grid(np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]), weights,
-                    cells_x, cells_y, inside)
+        arrays = (np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]), weights,
+                  cells_x, cells_y, inside)
+        for array in arrays:
+            array.setflags(write=False)
+        return Grid(*arrays)
 
     @property
     def edge(self) -> slice:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mirror_cad import fit as fitting
 from mirror_cad.bspline import BSplineSurface
-from mirror_cad.curvature import Span, eased_beyond
+from mirror_cad.curvature import CurvatureLaw, Span, eased_beyond
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.deviation import CurvatureDeviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
@@ -195,20 +195,20 @@ def design(spec: MirrorSpec) -> Mirror:
     x_min, x_max, y_min, y_max = box
     level_mm = _level(spec, box)
     span = Span(*(spec.horizontal.span_mm or (x_min, x_max)))
-    matched = solve_match(spec, span, x_min, x_max, level_mm)
-    horizontal = law_from(spec.horizontal, span, matched[1] if matched else None)
-    vertical = law_from(spec.vertical, span)
+    matched = _solved(spec.horizontal, spec.eye.distance_mm, span, x_min, x_max, level_mm)
+    horizontal = _law(spec.horizontal, span, matched[1] if matched else None)
+    vertical = _law(spec.vertical, span)
     half_height = max(abs(y_min), abs(y_max))
-    check_profile(sine_of_tangent_angle(horizontal.series(min(x_min, level_mm), max(x_max, level_mm)), level_mm),
+    check_profile(sine_of_tangent_angle(_series(horizontal, min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
-    vertical = eased_beyond(vertical, x_min, x_max, 1.0 / half_height)
+    vertical = _eased(vertical, x_min, x_max, 1.0 / half_height)
     wanted, notes = _wanted_domain(spec, box), _laws_beside(spec, box)
-    check_circles(vertical.series(wanted[0], wanted[1]), x_min, x_max, half_height)
+    check_circles(_series(vertical, wanted[0], wanted[1]), x_min, x_max, half_height)
 
-    kappa = horizontal.series(wanted[0], wanted[1])
+    kappa = _series(horizontal, wanted[0], wanted[1])
     x_low, x_high = existing_interval(sine_of_tangent_angle(kappa, level_mm), level_mm, wanted[0], wanted[1])
     x_low, x_high = min(x_low, x_min), max(x_high, x_max)
-    kappa, kappa_2 = horizontal.series(x_low, x_high), vertical.series(x_low, x_high)
+    kappa, kappa_2 = _series(horizontal, x_low, x_high), _series(vertical, x_low, x_high)
     half = max(half_height, existing_half_height(kappa_2, x_low, x_high, max(-wanted[2], wanted[3])))
     domain = (x_low, x_high, max(wanted[2], -half), min(wanted[3], half))
     if domain != wanted:
@@ -247,10 +247,18 @@ def design(spec: MirrorSpec) -> Mirror:
     return Mirror(spec, fit.surface, outline, box, designed, exact, model, integrated, faithful, fit, matched, tuple(notes))
 
 
+# Most changes to a design leave its outline and one of its laws alone: what they give is kept. All of it is frozen.
+_truck_outline = lru_cache(maxsize=8)(truck_outline)
+_solved = lru_cache(maxsize=8)(solve_match)
+_law = lru_cache(maxsize=16)(law_from)
+_eased = lru_cache(maxsize=8)(eased_beyond)
+_series = lru_cache(maxsize=32)(CurvatureLaw.series)
+
+
 def _outline(spec: MirrorSpec) -> Outline:
     given, blank = spec.outline, spec.blank
     if given.file is None:
-        return truck_outline(given.width_mm, given.left_height_mm, given.right_height_mm, given.corner_radius_mm)
+        return _truck_outline(given.width_mm, given.left_height_mm, given.right_height_mm, given.corner_radius_mm)
     from mirror_cad.outline_files import read_outline
 
     outline = read_outline(Path(given.file))

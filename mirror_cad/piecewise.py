@@ -6,7 +6,7 @@ import heapq
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -46,10 +46,10 @@ class PiecewiseChebyshev:
         """f at x, any shape."""
         shape = np.shape(x)
         x = np.asarray(x, dtype=np.float64).ravel()
-        piece = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.coefficients) - 1)
+        piece = np.searchsorted(self.breaks[1:-1], x, side="right")
         low, high = self.breaks[piece], self.breaks[piece + 1]
         xi = ((x - low) - (high - x)) / (high - low)
-        values = np.asarray(chebyshev.chebval(xi, self._trimmed[piece].T, tensor=False), dtype=np.float64)
+        values: Array = np.einsum("nk,kn->n", self._trimmed[piece], _chebyshev(xi, self._trimmed.shape[1]))
         return values.reshape(shape)
 
     @cached_property
@@ -61,12 +61,21 @@ class PiecewiseChebyshev:
     def derivative(self) -> PiecewiseChebyshev:
         """f′, piece by piece."""
         scale = 2.0 / np.diff(self.breaks)
-        return PiecewiseChebyshev(self.breaks, chebyshev.chebder(self.coefficients, axis=1) * scale[:, None])
+        coefficients = self.coefficients @ _differentiating(self.coefficients.shape[1])
+        return PiecewiseChebyshev(self.breaks, coefficients * scale[:, None])
 
     def integral(self, zero_at: float) -> PiecewiseChebyshev:
         """F with F′ = f, continuous, and F(zero_at) = 0."""
         scale = 0.5 * np.diff(self.breaks)
-        primitive = chebyshev.chebint(self.coefficients, lbnd=-1.0, axis=1) * scale[:, None]
+        c = self.coefficients
+        # ∫T_k = T_k+1/(2(k+1)) − T_k−1/(2(k−1)), and zero at ξ = −1.
+        k = np.arange(1, c.shape[1] + 1)
+        primitive = np.zeros((len(c), c.shape[1] + 1))
+        primitive[:, 1:] = c
+        primitive[:, 1] += c[:, 0]
+        primitive[:, 1:-2] -= c[:, 2:]
+        primitive[:, 1:] *= scale[:, None] / (2.0 * k)
+        primitive[:, 0] = primitive[:, 1::2].sum(axis=1) - primitive[:, 2::2].sum(axis=1)
         gains = primitive.sum(axis=1)  # T_k(1) = 1
         primitive[1:, 0] += np.cumsum(gains)[:-1]
         unanchored = PiecewiseChebyshev(self.breaks, primitive)
@@ -112,8 +121,7 @@ def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> 
     Raises: SurfaceError where MOST_PIECES do not bring the error below ROUGHEST of the function's size.
     Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3, 4 and 8.
     """
-    nodes = chebyshev.chebpts1(DEGREE + 1)
-    to_coefficients = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
+    nodes, to_coefficients = _nodes()
     smallest = 2.0 * SMALLEST_PIECE * (breaks[-1] - breaks[0])
     done: list[tuple[float, Array]] = []
     # Pieces that may need halving: (−tail, start, end, coefficients, tail of the piece it came from).
@@ -152,3 +160,32 @@ def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> 
     # What a piece's last coefficients hold below rounding is noise that derivatives would blow up.
     meant = np.maximum.accumulate((np.abs(series) > ROUNDING * size)[:, ::-1], axis=1)[:, ::-1]
     return PiecewiseChebyshev(starts, np.where(meant, series, 0.0))
+
+
+@cache
+def _nodes() -> tuple[Array, Array]:
+    """Chebyshev points of the first kind, and what takes the values there to the coefficients."""
+    nodes = chebyshev.chebpts1(DEGREE + 1)
+    to_coefficients: Array = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE)).astype(np.float64)
+    return nodes, to_coefficients
+
+
+def _chebyshev(xi: Array, count: int) -> Array:
+    """T_0 … T_count−1 at ξ (n,), (count, n): T_m+j = 2·T_m·T_j − T_m−j doubles what is there, a handful of array operations
+    where the recurrence by one would take dozens."""
+    rows = np.ones((count, len(xi)))
+    if count > 1:
+        rows[1] = xi
+    m = 1
+    while m < count - 1:
+        more = min(m, count - 1 - m)
+        np.multiply(rows[1:more + 1], 2.0 * rows[m], out=rows[m + 1:m + more + 1])
+        rows[m + 1:m + more + 1] -= rows[m - more:m][::-1]
+        m += more
+    return rows
+
+
+@cache
+def _differentiating(count: int) -> Array:
+    """The coefficients of T_k′ for k < count, (count, count − 1) or (1, 1)."""
+    return np.asarray(chebyshev.chebder(np.eye(count), axis=1), dtype=np.float64)

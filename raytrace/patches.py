@@ -167,14 +167,15 @@ def _power_form(knots: Array, poles: Array, degree: int) -> Array:
 
 def _de_boor(knots: Array, poles: Array, degree: int, spans: NDArray[np.intp], t: Array) -> Array:
     """A spline's values at t (n,), each within its span: repeated interpolation of the poles (de Boor's algorithm)."""
-    local = [poles[spans - degree + j] for j in range(degree + 1)]
-    shape = (-1, *[1] * (poles.ndim - 1))
+    j = np.arange(degree + 1)[:, None]
+    local = poles[spans - degree + j]
+    shape = (len(spans), *[1] * (poles.ndim - 1))
     for r in range(1, degree + 1):
-        for j in range(degree, r - 1, -1):
-            low, high = knots[spans - degree + j], knots[spans + j - r + 1]
-            share = ((t - low).astype(poles.dtype) / (high - low)).reshape(shape)
-            local[j] = (1 - share) * local[j - 1] + share * local[j]
-    return local[degree]
+        low, high = knots[spans - degree + j[r:]], knots[spans + j[r:] - r + 1]
+        share = ((t - low).astype(poles.dtype) / (high - low)).reshape(-1, *shape)
+        local = (1 - share) * local[:-1] + share * local[1:]
+    result: Array = local[0]
+    return result
 
 
 def _lookup(ends: Array) -> Index:

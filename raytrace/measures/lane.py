@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from mirror_cad.bspline import BSplineSurface
-from raytrace.measures.field_of_view import GlassSheets, reflected_at
+from raytrace.measures.field_of_view import GlassSheets, reflected_at, reflected_on_grid
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 
+PLACES = 65  # at which a height is looked for between the edges of the surface
+ROOT_MM = 1e-11  # of a height: rounding of coordinates of some 100 mm
+MOST_STEPS = 100  # halving alone takes 50
 # An image whose tangent rises less than this share of the width is level: what is left of it is the roots' rounding.
 LEVEL = 1e-6
 
@@ -40,17 +43,46 @@ class StraightLane:
 def lane_height(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, x: float, y_min: float, y_max: float,
                 ) -> float | None:
     """The height y on the mirror at which the lane appears at x, in mm; None where it does not within [y_min, y_max]."""
+    found = float(lane_heights(surface, eye, lane, np.array([x]), y_min, y_max)[0])
+    return found if np.isfinite(found) else None
 
-    def above(y: float) -> float:
-        return float(lane.above(*reflected_at(surface, eye, np.array([x]), np.array([y])))[0])
 
-    y = np.linspace(y_min, y_max, 65)
-    heights = lane.above(*reflected_at(surface, eye, np.full_like(y, x), y))
-    crossing = np.flatnonzero(heights[:-1] * heights[1:] <= 0)
-    if crossing.size == 0:
-        return None
-    i = int(crossing[-1])  # the upper one, should a lane appear twice
-    return float(brentq(above, y[i], y[i + 1], xtol=1e-11))
+def lane_heights(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, x: Array, y_min: float, y_max: float,
+                 ) -> Array:
+    """`lane_height` at several x (n,) at once, NaN for None: (n,), mm."""
+
+    def above(at: Array, y: Array) -> Array:
+        result: Array = lane.above(*reflected_at(surface, eye, at, y))
+        return result
+
+    y = np.linspace(y_min, y_max, PLACES)
+    heights = lane.above(*reflected_on_grid(surface, eye, x, y)).reshape(len(x), PLACES)
+    crossing = heights[:, :-1] * heights[:, 1:] <= 0.0
+    # The upper one, should a lane appear twice.
+    i = PLACES - 2 - np.argmax(crossing[:, ::-1], axis=1)
+    found = np.full(len(x), np.nan)
+    rows = np.flatnonzero(crossing.any(axis=1))
+    if rows.size:
+        found[rows] = _roots(lambda at: above(x[rows], at), y[i[rows]], y[i[rows] + 1], heights[rows, i[rows]],
+                             heights[rows, i[rows] + 1])
+    return found
+
+
+def _roots(function: Callable[[Array], Array], low: Array, high: Array, at_low: Array, at_high: Array) -> Array:
+    """Roots between low and high (n,), where the function changes its sign: secants, halving where one leaves the bracket."""
+    before, here, at_before, at_here = low, high, at_low, at_high
+    for _ in range(MOST_STEPS):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            secant = here - at_here * (here - before) / (at_here - at_before)
+        settled = at_here == 0.0
+        then = np.where(settled, here, np.where((secant > low) & (secant < high), secant, 0.5 * (low + high)))
+        at_then = function(then)
+        same = at_then * at_low > 0.0
+        low, at_low, high = np.where(same, then, low), np.where(same, at_then, at_low), np.where(same, high, then)
+        before, here, at_before, at_here = here, then, at_here, at_then
+        if np.all((np.abs(here - before) <= ROOT_MM) | (at_here == 0.0)):
+            break
+    return here
 
 
 def lane_straightness(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, box: Box) -> float | None:
@@ -67,13 +99,12 @@ def lane_straightness(surface: BSplineSurface | GlassSheets, eye: Array, lane: S
     # One-sided differences from inside the mirror, since the law may break at its edge; the step balances their error
     # of the fourth order against the root's 1e-11 mm.
     h = 1e-3 * width
-    at_right = [lane_height(surface, eye, lane, x_max - k * h, domain[2], domain[3]) for k in range(5)]
-    left = lane_height(surface, eye, lane, x_min, domain[2], domain[3])
-    if left is None or any(y is None for y in at_right):
+    x = np.append(x_max - h * np.arange(5), x_min)
+    *right, left = lane_heights(surface, eye, lane, x, domain[2], domain[3])
+    if not np.isfinite([*right, left]).all():
         return None
-    right = np.array(at_right, dtype=np.float64)
-    tangent = float(np.array([25.0, -48.0, 36.0, -16.0, 3.0]) @ right) / (12.0 * h)
+    tangent = float(np.array([25.0, -48.0, 36.0, -16.0, 3.0]) @ np.array(right)) / (12.0 * h)
     line = -tangent * width
     if abs(line) < LEVEL * width:
         return None
-    return 100.0 * (abs(left - right[0]) - abs(line)) / abs(line)
+    return 100.0 * (abs(float(left - right[0])) - abs(line)) / abs(line)

@@ -1,0 +1,302 @@
+"""A specification and how it is looked at in; pictures, maps and figures out: all from `mirror_cad` and `raytrace`."""
+
+from __future__ import annotations
+
+import io
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.designed import percent_scale
+from mirror_cad.deviation import against_design
+from mirror_cad.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_cad.mirror import Mirror, design
+from mirror_cad.outline import Outline
+from mirror_cad.sections import SagDerivatives
+from mirror_cad.spec import MirrorSpec
+from mirror_studio.setting import Setting
+from mirror_studio.web.protocol import Look
+from mirror_studio.web.turned import Turn, aimed
+from raytrace.image import Frame, driver_view, landing_points
+from raytrace.measures.field_of_view import GlassSheets, reflected_at, traced_fields_of_view
+from raytrace.measures.lane import lane_straightness
+from raytrace.measures.magnification import ray_differentials
+from raytrace.pose import STRAIGHT, Pose
+from raytrace.reflector import TRIM_CHORD_MM, Glass, Reflector, TrimmedSurface
+from raytrace.scene.reference import Picture, load_picture
+from raytrace.trace import Status, reflect
+from raytrace.trimming import Trimming
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+
+MAP = (61, 91)  # places of the maps, across and up: odd, so that the box's two middle lines are among them
+LAW_PLACES = 161
+SHOWN_CHORD_MM = 0.2  # of the outline in maps and plans: less than a pixel
+EYES_APART_MM = 65.0  # the ocular points of UN Regulation 46
+QUICK_SAMPLES, FINE_SAMPLES = 1, 4  # a direction, in the pixels that need more than one
+QUICK_ROOM = (640, 480)  # pixels for all pictures while a slider moves; fine ones fill what the page has
+QUICK_QUALITY, FINE_QUALITY = 80, 92  # of the JPEG
+CACHED = 6  # designs kept: undo, redo and the pinned one come at once
+
+
+@dataclass(frozen=True, eq=False)
+class Designed:
+    """A designed mirror with what the page shows of it. The expensive parts are made when first asked for."""
+
+    mirror: Mirror
+    setting: Setting
+    picture: Picture
+    reflector: Reflector
+
+    @cached_property
+    def sheets(self) -> GlassSheets | None:
+        """Both sheets of a mirror that reflects from behind glass."""
+        glass, only = self.reflector.glass, self.reflector.only
+        if glass is None or only is None or not isinstance(glass.front, TrimmedSurface):
+            return None
+        return GlassSheets.of(glass.front, only, glass.index)
+
+    @cached_property
+    def maps(self) -> dict[str, Array]:
+        """Over the box, (columns, rows): height (mm), kx and ky (1/m), and the deviation of k1 and k2 (%); the laws asked
+        for and those realised along y = 0, (n,), 1/m; the outline (n, 2), mm."""
+        mirror = self.mirror
+        x_min, x_max, y_min, y_max = mirror.box
+        x, y = np.linspace(x_min, x_max, MAP[0]), np.linspace(y_min, y_max, MAP[1])
+        z, shape = _shape_on(mirror, x, y)
+        designed = mirror.curvature.shape(x)
+        percent = _percent(shape, designed, mirror.curvature.rms(mirror.outline))
+        along = np.linspace(x_min, x_max, LAW_PLACES)
+        realised = _shape_on(mirror, along, np.zeros(1))[1]
+        asked = mirror.curvature.shape(along)
+        return {"z": z, "kx": 1e3 * shape.w11, "ky": 1e3 * shape.w22, "k1_percent": percent[0], "k2_percent": percent[1],
+                "law_x": 1e3 * asked.w11, "law_y": 1e3 * asked.w22, "real_x": 1e3 * realised.w11[:, 0],
+                "real_y": 1e3 * realised.w22[:, 0], "outline": _shown(mirror.outline)}
+
+    @cached_property
+    def deviations(self) -> dict[str, float | None]:
+        """The largest and RMS deviation from the laws over the mirror, as deviation.json's `total` has them, %."""
+        mirror = self.mirror
+        entry = against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface)
+        return {key: entry[key] for key in ("k1_max_percent", "k2_max_percent", "kx_max_percent", "ky_max_percent",
+                                            "shape_rms_percent")}
+
+    def figures(self, turn: Turn) -> dict[str, Any]:
+        """The figures of metrics.json, under its names: fields of view in degrees, lane straightness in percent."""
+        mirror, eye = self.mirror, turn.to_mirror(self.setting.eye)
+        surface = self.sheets or mirror.surface
+        section = mirror.section_fields_of_view()
+        traced = traced_fields_of_view(surface, eye, mirror.box, mirror.left_height_mm)
+        return {"h_fov_deg": {"section": math.degrees(section[0]), "traced": _finite(math.degrees(traced[0]))},
+                "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _finite(math.degrees(traced[1]))},
+                "lane_straightness_percent": {
+                    "traced": lane_straightness(surface, eye, turn.lane(self.setting.lane), mirror.box)}}
+
+    def radii(self) -> dict[str, float | None]:
+        """The radii realised at the middle of the box and the smallest ones over it, mm, signed; None where flat."""
+        result: dict[str, float | None] = {}
+        for axis in ("x", "y"):
+            kappa = self.maps[f"k{axis}"]
+            result[f"r{axis}_centre_mm"] = _radius(kappa[MAP[0] // 2, MAP[1] // 2])
+            result[f"r{axis}_smallest_mm"] = _radius(kappa.flat[int(np.argmax(np.abs(kappa)))])
+        return result
+
+    def ground(self, turn: Turn, eye: Array) -> Array:
+        """Where the rays by way of the outline land on the reference plane, (n, 2) mm; NaN where they do not."""
+        outline, surface = self.maps["outline"], self.sheets or self.mirror.surface
+        points, directions = reflected_at(surface, turn.to_mirror(eye), outline[:, 0], outline[:, 1])
+        return _land(turn, points, directions, self.setting.plane_z_mm)
+
+
+@lru_cache(maxsize=CACHED)
+def designed(spec: MirrorSpec) -> Designed:
+    """Design a mirror and make ready what is seen in it. Raises: MirrorError."""
+    picture = _picture(spec.scene.image)
+    mirror = design(spec)
+    setting = Setting.of(spec, mirror.box)
+    loops, trimming = _trimming(mirror.outline)
+    front = None
+    if spec.glass.reflecting == "back":
+        front = Glass(TrimmedSurface(mirror.plate.front, loops), spec.glass.index)
+    surface = TrimmedSurface(mirror.surface, loops)
+    surface.__dict__["trimming"] = trimming  # the one that it would make of the same loops
+    return Designed(mirror, setting, picture, Reflector((surface,), glass=front))
+
+
+@lru_cache(maxsize=4)
+def _picture(image: str) -> Picture:
+    return load_picture(image)
+
+
+@lru_cache(maxsize=4)
+def _trimming(outline: Outline) -> tuple[tuple[Array, ...], Trimming]:
+    loops = (outline.polyline(TRIM_CHORD_MM),)
+    return loops, Trimming.of(loops)
+
+
+@lru_cache(maxsize=4)
+def _shown(outline: Outline) -> Array:
+    return outline.polyline(SHOWN_CHORD_MM)
+
+
+# --- what a request is answered with ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a request is answered with: JPEG pictures and arrays by name, the rest as JSON holds it."""
+
+    header: dict[str, Any]
+    pictures: dict[str, bytes]
+    arrays: dict[str, Array]
+
+
+def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None = None,
+         progress: Callable[[float], None] | None = None) -> Shown:
+    """Design, look and measure. `fine`: with every edge smoothed and the deviations from the laws, which takes longer.
+
+    own : another reflector in mirror coordinates, shown beside the design at equal aim: the ray to the middle of its box is
+    reflected where the design sends that to its own.
+    Raises: MirrorError for a design that cannot be, or that the eye does not see; what `progress` raises.
+    """
+    start = time.perf_counter()
+    one = designed(spec)
+    turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
+    eyes = eyes_of(one.setting.eye, look)
+    maps, figures = one.maps, one.figures(turn)
+    middle = time.perf_counter()
+    scene = one.setting.scene(one.picture, spec)
+    samples, quality = (FINE_SAMPLES, FINE_QUALITY) if fine else (QUICK_SAMPLES, QUICK_QUALITY)
+    seen = [(one.reflector, turn, one.mirror.box)]
+    if own is not None:
+        seen.append((own, *_own_turn(one, turn, own)))
+    count = len(eyes) * len(seen)
+    width, height = (look.width, look.height) if fine else map(min, (look.width, look.height), QUICK_ROOM)
+    pictures, frames = {}, {}
+    for name, (reflector, each, box) in zip(("picture", "own"), seen, strict=False):
+        frame = frames[name] = fitted(box, width // count, height)
+        for number, eye in enumerate(eyes):
+            view, _ = driver_view(reflector, each.to_mirror(eye), each.seen_by(scene), frame, progress, samples)
+            pictures[f"{name}{number}"] = jpeg(view, quality)
+    end = time.perf_counter()
+    mirror = one.mirror
+    header = {
+        "figures": figures, "radii": one.radii(), "box_mm": list(mirror.box), "plane_z_mm": one.setting.plane_z_mm,
+        "eyes_mm": [turn.to_mirror(eye).tolist() for eye in eyes],
+        "frames": {name: [frame.left, frame.top, frame.pixel, frame.columns, frame.rows] for name, frame in frames.items()},
+        "scene_mm": list(scene.bounds()), "notes": list(mirror.notes),
+        "matched": dict([mirror.matched]) if mirror.matched else {},
+        "fit": {"spans": list(mirror.fit.spans), "degree": mirror.fit.degree, "met": mirror.fit.met,
+                "position_error_mm": mirror.fit.position_error_mm,
+                "curvature_error_percent": mirror.fit.curvature_error_percent},
+        "deviations": one.deviations if fine else None, "fine": fine,
+        "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)},
+    }
+    arrays = maps | {f"ground{number}": one.ground(turn, eye) for number, eye in enumerate(eyes)}
+    return Shown(header, pictures, arrays)
+
+
+def eyes_of(eye: Array, look: Look) -> list[Array]:
+    """The one eye, or the left and the right one beside it."""
+    aside = np.array([0.5 * EYES_APART_MM, 0.0, 0.0])
+    return [eye] if look.eyes == "one" else [eye - aside, eye + aside]
+
+
+def fitted(box: Box, width: int, height: int) -> Frame:
+    """The largest frame about a box that fits into so many pixels."""
+    whole = Frame.around(box, 1000)
+    return Frame.around(box, max(16, int(min(width, height * whole.columns / whole.rows))))
+
+
+def jpeg(picture: Picture, quality: int) -> bytes:
+    """A picture as JPEG; fine ones without thinned-out colour."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, format="JPEG", quality=quality, subsampling=0 if quality == FINE_QUALITY else 2)
+    return buffer.getvalue()
+
+
+def probe(one: Designed, look: Look, x: float, y: float, eye: int) -> dict[str, Any] | None:
+    """What the ray through (x, y) mm of the picture plane does: where it meets the mirror and lands, and by how much the
+    mirror magnifies far things there against a flat one, across and up; None where it meets no mirror."""
+    turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
+    eyes = eyes_of(one.setting.eye, look)
+    pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way
+    view = View(one.reflector, pose, STRAIGHT @ eyes[min(eye, len(eyes) - 1)])
+    places = np.array([[x, y]])
+    sight = view.sight(places)
+    if not sight.seen[0]:
+        return None
+    far = ray_differentials(view, places).at()
+    landed = _land(turn, sight.on_mirror, pose.directions_to_mirror(sight.directions), one.setting.plane_z_mm)[0]
+    return {"mirror_mm": sight.on_mirror[0].tolist(), "across": _finite(float(far.horizontal[0])),
+            "up": _finite(float(far.vertical[0])), "landed_mm": landed.tolist() if np.isfinite(landed).all() else None}
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def _own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
+    """How the other reflector stands and its box, as `show` says. Raises: TraceError where the eye's ray misses it."""
+    from raytrace.errors import TraceError
+
+    points = own.outline()
+    (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
+    centre = np.array([0.5 * (x_min + x_max), 0.5 * (y_min + y_max)])
+    above = np.array([[centre[0], centre[1], float(points[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
+    met = reflect(own, above[0], np.array([[0.0, 0.0, -1.0]]))
+    if met.status[0] != Status.REFLECTED:
+        raise TraceError(f"the uploaded mirror does not reflect at the middle of its box, ({centre[0]:.1f}, {centre[1]:.1f}) "
+                         "mm, seen along −z: is it in mirror coordinates?")
+    x, y = (0.5 * (one.mirror.box[i] + one.mirror.box[i + 1]) for i in (0, 2))
+    place, out = reflected_at(one.sheets or one.mirror.surface, turn.to_mirror(one.setting.eye), np.array([x]), np.array([y]))
+    stood = aimed(met.points[0], met.normals[0], turn.to_scene(place[0]), one.setting.eye, out[0] @ turn.rotation.T)
+    return stood, (float(x_min), float(x_max), float(y_min), float(y_max))
+
+
+def _land(turn: Turn, points: Array, directions: Array, z_mm: float) -> Array:
+    """Where rays in the mirror's coordinates meet the plane z = z_mm of the scene, (n, 2) mm."""
+    from raytrace.trace import Trace
+
+    n = len(points)
+    trace = Trace(np.zeros(n, dtype=np.int8), turn.to_scene(points), points, directions @ turn.rotation.T, np.zeros(n))
+    return landing_points(trace, z_mm)[:, :2]
+
+
+def _shape_on(mirror: Mirror, x: Array, y: Array) -> tuple[Array, ShapeOperator]:
+    """Height and shape operator of the fitted surface on a grid, (len(x), len(y))."""
+    surface = mirror.surface
+    if surface.weights is not None:
+        d = surface.on_grid(x, y)
+        return d["s"][..., 2], shape_operator(d)
+    heights = surface.on_grid(x, y, component=2)
+    sag = SagDerivatives(*(heights[key] for key in ("s", "u", "v", "uu", "uv", "vv")))
+    return sag.z, shape_operator_of_sag(sag)
+
+
+def _percent(shape: ShapeOperator, asked: ShapeOperator, rms: float) -> tuple[Array, Array]:
+    """Deviation of k1 and k2 as deviation.json counts it, %; NaN for a plane. shape on a grid, asked on its columns."""
+    if rms == 0.0:
+        nothing = np.full(shape.w11.shape, np.nan)
+        return nothing, nothing
+    scale = percent_scale(asked, rms)[:, None, :]
+    got, want = principal_curvatures_of(shape), principal_curvatures_of(asked)
+    first, second = (100.0 * (a - b[:, None]) / scale[..., i] for i, (a, b) in enumerate(zip(got, want, strict=True)))
+    return first, second
+
+
+def _radius(per_m: float) -> float | None:
+    return 1e3 / float(per_m) if abs(per_m) > 1e-9 else None
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,97 @@
+// The figures beside those of the pinned design, with the limits that the user sets for them.
+
+import { el } from "./dom.js";
+
+const fixed = (digits) => (v) => v.toFixed(digits).replace("-", "−").replace(/^−(0(\.0*)?)$/, "$1");
+const deg = fixed(2), pct = fixed(2), mm = fixed(0);
+
+export const FIGURES = [
+  { id: "h-fov", label: "H-FOV, section", unit: "°", of: (a) => a.figures.h_fov_deg.section, show: deg,
+    about: "Horizontal field of view as table 1 of the paper has it: the horizontal section alone, the eye on the axis through its centre at the eye's distance; the angle between the rays reflected at its two edges." },
+  { id: "h-fov-traced", label: "H-FOV, traced", unit: "°", of: (a) => a.figures.h_fov_deg.traced, show: deg,
+    about: "The same with the eye where it really sits: the angle between the rays reflected at (±width/2, 0)." },
+  { id: "v-fov", label: "V-FOV left, section", unit: "°", of: (a) => a.figures.v_fov_left_deg.section, show: deg,
+    about: "Vertical field of view at the left edge as table 1 has it: the circle of radius Ry there over the left height, the eye on its axis." },
+  { id: "v-fov-traced", label: "V-FOV left, traced", unit: "°", of: (a) => a.figures.v_fov_left_deg.traced, show: deg,
+    about: "The same with the eye where it really sits: the angle between the rays reflected at the left edge's two corners before rounding." },
+  { id: "straightness", label: "Lane straightness", unit: "%", of: (a) => a.figures.lane_straightness_percent.traced, show: pct,
+    about: "Table 1: (|Δy of the lane's image| − |Δy of its tangent at the right edge|) over the latter, across the mirror, by exact rays. The more the lane bends, the larger." },
+  { id: "rx-smallest", label: "Rx, smallest", unit: "mm", of: (a) => a.radii.rx_smallest_mm, show: mm,
+    about: "The horizontal radius where the realised surface is bent most, over the outline's box." },
+  { id: "ry-smallest", label: "Ry, smallest", unit: "mm", of: (a) => a.radii.ry_smallest_mm, show: mm,
+    about: "The vertical radius where the realised surface is bent most, over the outline's box." },
+  { id: "k1", label: "k₁ off, at most", unit: "%", fine: true, of: (a) => a.deviations?.k1_max_percent, show: pct,
+    about: "Largest deviation of the larger principal curvature from the laws over the mirror, signed; worked out when the hand rests." },
+  { id: "k2", label: "k₂ off, at most", unit: "%", fine: true, of: (a) => a.deviations?.k2_max_percent, show: pct,
+    about: "Largest deviation of the smaller principal curvature from the laws over the mirror, signed; worked out when the hand rests." },
+  { id: "shape", label: "Shape off, RMS", unit: "%", fine: true, of: (a) => a.deviations?.shape_rms_percent, show: pct,
+    about: "RMS deviation of the whole shape operator from the laws; worked out when the hand rests." },
+];
+
+// What is there already is left alone: to write it again would make the page lay the table out again.
+function say(cell, text, kind = "") {
+  if (cell.textContent !== text) cell.textContent = text;
+  if (cell.className !== kind) cell.className = kind;
+}
+
+const signed = (text) => (text.startsWith("−") ? text : Number(text) === 0 ? `±${text}` : `+${text}`);
+
+export class Figures {
+  constructor(table, store) {
+    this.table = table;
+    this.store = store;
+    this.cells = {};
+    const head = (words) => el("th", { scope: "row" }, words);
+    const row = (name, words) => {
+      const line = el("tr", { class: name }, head(words));
+      for (const figure of FIGURES) line.append((this.cells[`${name} ${figure.id}`] = el("td")));
+      return line;
+    };
+    const top = el("tr", {}, el("td"), ...FIGURES.map((figure) => el("th", { scope: "col", title: figure.about, tabindex: 0 }, figure.label,
+      el("span", { class: "unit" }, ` ${figure.unit}`))));
+    table.append(el("thead", {}, top), el("tbody", {}, row("now", "This design"), row("pinned", "Pinned (A)"), row("change", "Change"),
+      row("limit", "Limits"), row("verdict", "Verdict")));
+    for (const { id, label } of FIGURES) {
+      this.cells[`now ${id}`].dataset.testid = id;
+      const inputs = ["least", "most"].map((which, i) => el("input", { type: "number", step: "any", name: `limits.${id}.${i}`, placeholder: i ? "most" : "least",
+        "aria-label": `${label}: ${which}`, oninput: (event) => this.limit(id, i, event.target.valueAsNumber) }));
+      this.cells[`limit ${id}`].append(...inputs);
+      this.cells[`limit ${id}`].inputs = inputs;
+    }
+  }
+
+  limit(id, i, value) {
+    this.store.edit(({ limits }) => {
+      const pair = [...(limits[id] ?? [null, null])];
+      pair[i] = Number.isFinite(value) ? value : null;
+      if (pair.every((one) => one === null)) delete limits[id];
+      else limits[id] = pair;
+    });
+  }
+
+  shown(answer, pinned) {
+    if (answer) this.answer = answer;
+    if (answer?.deviations) this.deviations = { ...answer };
+    const { limits } = this.store.now, active = document.activeElement;
+    for (const figure of FIGURES) {
+      const { id, of, show, fine } = figure;
+      const cell = (name) => this.cells[`${name} ${id}`];
+      const value = this.answer && (of(this.answer) ?? (fine && this.deviations ? of(this.deviations) : null));
+      const stale = fine && !this.answer?.deviations;
+      const was = pinned ? of(pinned) : null;
+      const text = (v) => (v === null || v === undefined ? "–" : show(v));
+      cell("now").dataset.value = value ?? "";
+      say(cell("now"), text(value), stale ? "stale" : "");
+      say(cell("pinned"), pinned ? text(was) : "");
+      const change = typeof value === "number" && typeof was === "number" ? value - was : null;
+      say(cell("change"), change === null ? "" : signed(show(change)));
+      const pair = limits[id];
+      cell("limit").inputs.forEach((input, i) => {
+        const wanted = String(pair?.[i] ?? "");
+        if (input !== active && input.value !== wanted) input.value = wanted;
+      });
+      const failed = pair && (typeof value !== "number" || (pair[0] !== null && value < pair[0]) || (pair[1] !== null && value > pair[1]));
+      say(cell("verdict"), !pair ? "" : failed ? "✗ fail" : "✓ pass", !pair ? "" : failed ? "fail" : "pass");
+    }
+  }
+}

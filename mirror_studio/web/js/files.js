@@ -1,0 +1,61 @@
+// Files that the page has brought in: kept in the browser, so that a server that was restarted gets them again.
+
+import { post } from "./wire.js";
+
+const NAME = "mirror-cad-studio";
+
+function open() {
+  return new Promise((done, failed) => {
+    const request = indexedDB.open(NAME, 1);
+    request.onupgradeneeded = () => request.result.createObjectStore("files");
+    request.onsuccess = () => done(request.result);
+    request.onerror = () => failed(request.error);
+  });
+}
+
+async function inStore(mode, work) {
+  const base = await open();
+  try {
+    return await new Promise((done, failed) => {
+      const request = work(base.transaction("files", mode).objectStore("files"));
+      request.onsuccess = () => done(request.result);
+      request.onerror = () => failed(request.error);
+    });
+  } finally { base.close(); }
+}
+
+export const endingOf = (file) => (file.name.match(/\.[^.]*$/)?.[0] ?? "").toLowerCase();
+
+// Send a file to the server; its name there is the hash of its content.
+export async function bringIn(kind, file) {
+  const ending = endingOf(file);
+  const { name } = await post(`/upload/${kind}?ending=${encodeURIComponent(ending)}`, file);
+  await inStore("readwrite", (store) => store.put({ kind, ending, blob: file, shown: file.name }, name)).catch(() => {});
+  return name;
+}
+
+export async function bringAgain(names) {
+  for (const name of names) {
+    const kept = await inStore("readonly", (store) => store.get(name)).catch(() => undefined);
+    if (kept) await post(`/upload/${kept.kind}?ending=${encodeURIComponent(kept.ending)}`, kept.blob).catch(() => {});
+  }
+}
+
+export function choose(endings) {
+  return new Promise((done) => {
+    const input = document.createElement("input");
+    input.type = "file";
+    input.accept = endings.join(",");
+    input.onchange = () => done(input.files[0]);
+    input.click();
+  });
+}
+
+export function save(name, content, type = "text/plain") {
+  const link = document.createElement("a");
+  link.href = typeof content === "string" && content.startsWith("/") ? content : URL.createObjectURL(new Blob([content], { type }));
+  link.download = name;
+  document.body.append(link);
+  link.click();
+  link.remove();
+}

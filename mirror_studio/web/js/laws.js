@@ -1,0 +1,209 @@
+// The two laws as curves R(x): drawn as designed, realised and within the limit band, and dragged by their points.
+
+import { el, roundStep, sizeOf, watch } from "./dom.js";
+
+const PAD = { left: 40, right: 10, top: 20, bottom: 18 };
+const FLAT = 2e-5; // 1/m: a radius of 50 km
+
+export class LawPlot {
+  constructor(section, axis, store) {
+    this.section = section;
+    this.axis = axis;
+    this.store = store;
+    this.held = null; // the scale while a point is dragged
+    this.svg = el("svg:svg", { class: "law", role: "group", "aria-label": `Law ${axis}(x): drag its points, or use the arrow keys on them` });
+    this.grid = el("svg:g", { class: "grid" });
+    this.band = el("svg:path", { class: "band" });
+    this.real = el("svg:path", { class: "real" });
+    this.line = el("svg:path", { class: "line" });
+    this.guides = el("svg:path", { class: "guides" });
+    this.handles = el("svg:g");
+    this.svg.append(this.grid, this.band, this.guides, this.real, this.line, this.handles);
+    this.element = el("div", { class: "law-plot" }, this.svg);
+    watch(this.element, () => this.draw());
+  }
+
+  // t of the law → x, and back.
+  span() {
+    const own = this.store.now.spec.horizontal.span_mm ?? this.answer?.box_mm ?? [-115, 115];
+    return [own[0], own[1]];
+  }
+  xOf(t) { const [left, right] = this.span(); return right - t * (right - left); }
+  tOf(x) { const [left, right] = this.span(); return Math.min(1, Math.max(0, (right - x) / (right - left))); }
+
+  draw() {
+    const { answer } = this;
+    if (!answer) return;
+    const [width, height] = sizeOf(this.element);
+    if (!width || !height) return;
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const { data: asked } = answer.arrays[`law_${this.axis.at(-1)}`];
+    const { data: real } = answer.arrays[`real_${this.axis.at(-1)}`];
+    const [x0, x1] = answer.box_mm;
+    const points = this.points();
+    const radii = [...asked, ...real].filter((k) => Math.abs(k) > FLAT).map((k) => 1000 / k).filter((r) => Math.abs(r) < 2e4);
+    radii.push(...points.map((p) => p.r).filter(Number.isFinite));
+    let low = Math.min(...radii), high = Math.max(...radii);
+    if (!radii.length) [low, high] = [500, 1500];
+    const room = Math.max(0.06 * (high - low), 0.04 * Math.abs(high), 10);
+    const step = roundStep(high - low + 2 * room, 6); // round ends stay while a point moves a little
+    let scale = [Math.floor((low - room) / step) * step, Math.ceil((high + room) / step) * step];
+    if (this.held) scale = [Math.min(this.held[0], scale[0]), Math.max(this.held[1], scale[1])];
+    this.scale = scale;
+    const px = (x) => PAD.left + ((x - x0) / (x1 - x0)) * (width - PAD.left - PAD.right);
+    const py = (r) => PAD.top + ((scale[1] - r) / (scale[1] - scale[0])) * (height - PAD.top - PAD.bottom);
+    this.px = px;
+    this.toX = (p) => x0 + ((p - PAD.left) / (width - PAD.left - PAD.right)) * (x1 - x0);
+    this.toR = (p) => scale[1] - ((p - PAD.top) / (height - PAD.top - PAD.bottom)) * (scale[1] - scale[0]);
+
+    const axes = [width, height, x0, x1, ...scale].join();
+    if (axes !== this.axesDrawn) {
+      this.axesDrawn = axes;
+      this.grid.replaceChildren(...this.axes(px, py, width, height, x0, x1, scale));
+    }
+    const place = (i) => x0 + (i / (asked.length - 1)) * (x1 - x0);
+    const path = (values) => {
+      let text = "", on = false;
+      values.forEach((k, i) => {
+        const r = Math.abs(k) > FLAT ? 1000 / k : Infinity;
+        if (Math.abs(r) > 1e6) { on = false; return; }
+        text += `${on ? "L" : "M"}${px(place(i)).toFixed(1)},${py(r).toFixed(1)}`;
+        on = true;
+      });
+      return text;
+    };
+    this.line.setAttribute("d", path(asked));
+    this.real.setAttribute("d", path(real));
+    // The limit is of the curvature: R/(1 ± p).
+    const limit = this.store.now.spec.limits?.curvature_percent;
+    let band = "";
+    if (limit && asked.every((k) => Math.abs(k) > FLAT)) {
+      const edge = (sign) => Array.from(asked, (k, i) => `${px(place(i)).toFixed(1)},${py(1000 / (k * (1 + (sign * limit) / 100))).toFixed(1)}`);
+      band = `M${edge(1).join("L")}L${edge(-1).reverse().join("L")}Z`;
+    }
+    this.band.setAttribute("d", band);
+    this.guides.setAttribute("d", points.filter((p) => p.onAxis).map((p) => `M${px(p.x).toFixed(1)},${PAD.top}V${height - PAD.bottom}`).join(""));
+    this.place(points, px, (point) => (point.onAxis ? height - PAD.bottom : py(point.r)));
+  }
+
+  axes(px, py, width, height, x0, x1, scale) {
+    const parts = [];
+    const step = roundStep(scale[1] - scale[0], 3);
+    for (let r = Math.ceil(scale[0] / step) * step; r <= scale[1]; r += step) {
+      parts.push(el("svg:line", { x1: PAD.left, x2: width - PAD.right, y1: py(r), y2: py(r) }),
+        Object.assign(el("svg:text", { x: PAD.left - 5, y: py(r) + 3.5, "text-anchor": "end" }), { textContent: Math.round(r) }));
+    }
+    const stepX = roundStep(x1 - x0, 5);
+    for (let x = Math.ceil(x0 / stepX) * stepX; x <= x1; x += stepX) {
+      parts.push(el("svg:line", { x1: px(x), x2: px(x), y1: PAD.top, y2: height - PAD.bottom }),
+        Object.assign(el("svg:text", { x: px(x), y: height - 5, "text-anchor": "middle" }), { textContent: Math.round(x) }));
+    }
+    parts.push(Object.assign(el("svg:text", { x: PAD.left, y: 12, class: "title" }),
+      { textContent: `${this.axis} (mm) over x (mm)` }));
+    return parts;
+  }
+
+  // The points by which the law is dragged: where, which keys, and what a move does.
+  points() {
+    const law = this.store.now.spec[this.section], { section } = this;
+    const [x0, x1] = this.answer.box_mm;
+    const radius = (key) => (x, r) => { this.store.now.spec[section][key] = r; };
+    const solved = this.answer.matched ?? {};
+    const two = () => [
+      { id: "right_mm", label: `${this.axis} right`, x: Math.min(this.xOf(0), x1), r: law.right_mm, move: radius("right_mm") },
+      { id: "left_mm", label: `${this.axis} left`, x: Math.max(this.xOf(1), x0), r: law.left_mm, move: radius("left_mm") }];
+    if (law.law === "constant") {
+      const r = Number(law.radius_mm);
+      return [{ id: "radius_mm", label: `${this.axis} everywhere`, x: 0.5 * (x0 + x1), r, move: radius("radius_mm") }];
+    }
+    if (law.law === "linear" || law.law === "power") return two();
+    if (law.law === "zones") {
+      const from = typeof law.blend_from === "number" ? law.blend_from : solved.blend_from ?? 0.5;
+      return [...two(),
+        { id: "blend_from", label: "Blend begins", x: this.xOf(from), r: law.right_mm, onAxis: true, solved: law.blend_from === "match",
+          move: (x) => this.blend(x, "blend_from", 0, law.blend_to - 0.01) },
+        { id: "blend_to", label: "Blend ends", x: this.xOf(law.blend_to), r: law.left_mm, onAxis: true,
+          move: (x) => this.blend(x, "blend_to", from + 0.01, 1) }];
+    }
+    if (law.law === "table") {
+      const radii = law.radius_mm?.map(Number) ?? law.curvature_per_mm.map((k) => (Math.abs(k) > 1e-9 ? 1 / k : Infinity));
+      const every = Math.ceil(law.x_mm.length / 60); // a longer table is drawn, and edited as a file
+      return law.x_mm.map((x, i) => ({ id: `${i}`, label: `${this.axis} at x = ${x}`, x, r: radii[i],
+        move: (to, r) => this.node(i, to, r) })).filter((p, i) => i % every === 0 && Number.isFinite(p.r));
+    }
+    return [];
+  }
+
+  blend(x, key, low, high) {
+    const law = this.store.now.spec[this.section];
+    law[key] = Math.round(1e4 * Math.min(high, Math.max(low, this.tOf(x)))) / 1e4;
+    if (key === "blend_from" && law.match) delete law.match;
+  }
+
+  node(i, x, r) {
+    const law = this.store.now.spec[this.section];
+    if (i > 0 && i < law.x_mm.length - 1) {
+      law.x_mm[i] = Math.round(10 * Math.min(law.x_mm[i + 1] - 0.5, Math.max(law.x_mm[i - 1] + 0.5, x))) / 10;
+    }
+    if (law.radius_mm) law.radius_mm[i] = r;
+    else law.curvature_per_mm[i] = 1 / r;
+  }
+
+  place(points, px, py) {
+    const old = new Map([...this.handles.children].map((child) => [child.dataset.id, child]));
+    points.forEach((point) => {
+      let handle = old.get(point.id);
+      old.delete(point.id);
+      if (!handle) {
+        handle = el("svg:circle", { r: 6, tabindex: 0, role: "slider", "data-id": point.id, class: "handle" });
+        handle.append(el("svg:title"));
+        handle.addEventListener("pointerdown", (event) => this.drag(event, handle));
+        handle.addEventListener("keydown", (event) => this.key(event, handle));
+        this.handles.append(handle);
+      }
+      handle.point = point;
+      handle.setAttribute("cx", px(point.x));
+      handle.setAttribute("cy", py(point));
+      handle.classList.toggle("sideways", Boolean(point.onAxis));
+      handle.classList.toggle("solved", Boolean(point.solved));
+      handle.setAttribute("aria-label", point.label);
+      handle.setAttribute("aria-valuenow", point.onAxis ? point.x.toFixed(1) : point.r.toFixed(0));
+      const at = `${point.onAxis ? "" : `${point.r.toFixed(0)} mm at `}x = ${point.x.toFixed(1)} mm${point.solved ? ", solved" : ""}`;
+      handle.setAttribute("aria-valuetext", at);
+      handle.firstChild.textContent = `${point.label}: ${at}`;
+    });
+    for (const handle of old.values()) handle.remove();
+  }
+
+  drag(event, handle) {
+    event.preventDefault();
+    handle.focus();
+    handle.setPointerCapture(event.pointerId);
+    this.held = this.scale;
+    const box = this.svg.getBoundingClientRect();
+    const move = (e) => {
+      const r = Math.round(this.toR(e.clientY - box.top));
+      if (r === 0) return;
+      this.store.edit(() => handle.point.move(this.toX(e.clientX - box.left), r));
+      this.draw();
+    };
+    const up = () => {
+      handle.removeEventListener("pointermove", move);
+      this.held = null;
+      this.draw();
+    };
+    handle.addEventListener("pointermove", move);
+    handle.addEventListener("pointerup", up, { once: true });
+    handle.addEventListener("pointercancel", up, { once: true });
+  }
+
+  key(event, handle) {
+    const size = event.shiftKey ? 10 : 1;
+    const dx = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? 0, dr = { ArrowUp: 5, ArrowDown: -5, PageUp: 50, PageDown: -50 }[event.key] ?? 0;
+    if (!dx && !dr) return;
+    event.preventDefault();
+    const { point } = handle;
+    this.store.edit(() => point.move(point.x + size * dx, Math.round(point.r + size * dr) || 1));
+    this.draw();
+  }
+}

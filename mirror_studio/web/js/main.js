@@ -1,0 +1,333 @@
+// The page: the parts made and wired to each other.
+
+import { Controls } from "./controls.js";
+import { css, QUANTITIES, coloured } from "./colours.js";
+import { el, find } from "./dom.js";
+import { bringAgain, bringIn, choose, save } from "./files.js";
+import { Figures } from "./figures.js";
+import { LawPlot } from "./laws.js";
+import { FlatMap, Plan } from "./maps.js";
+import { Mirror3D } from "./mirror3d.js";
+import { Stage } from "./stage.js";
+import { copy, Store } from "./state.js";
+import { Faults, post, Wire } from "./wire.js";
+
+const REST_MS = 160; // a hand that has not moved for so long rests: the fine picture is due
+
+const start = await (await fetch("/start")).json();
+let answer = null, wire = null, pinned = null, restTimer = 0, quantity = "rx", changedAt = 0, built = null;
+const rates = [];
+
+// --- errors, in words ---
+
+const error = find("#error");
+function fail(problem) {
+  const faults = problem instanceof Faults ? problem.faults : [problem.message ?? String(problem)];
+  const text = faults.join("\n");
+  if (error.textContent !== text) error.textContent = text;
+  error.parentElement.hidden = false;
+}
+function well() {
+  if (error.textContent) error.textContent = "";
+  error.parentElement.hidden = true;
+}
+find("#error-close").addEventListener("click", well);
+
+// --- the parts ---
+
+const store = new Store(start.presets, start.opens_on, changed);
+const laws = [new LawPlot("horizontal", "Rx", store), new LawPlot("vertical", "Ry", store)];
+find("#laws").append(...laws.map((law) => law.element));
+const controls = new Controls(start.controls, store, start.uploads, fail);
+find("#controls").append(controls.element);
+const stage = new Stage(find("#driver-view"), find("#readout"), (at) => wire.ask({ type: "probe", ...at }));
+stage.resized = () => rest();
+const flat = new FlatMap(find("#flat-map")), plan = new Plan(find("#plan")), solid = new Mirror3D(find("#mirror-3d"));
+solid.busy = () => wire.flying.size > 0 || performance.now() - changedAt < 120;
+const figures = new Figures(find("#figures"), store);
+
+const select = find("#quantity");
+select.append(...Object.entries(QUANTITIES).map(([key, { label, unit }]) => el("option", { value: key }, `${label}, ${unit}`)));
+select.addEventListener("change", () => { quantity = select.value; colour(); });
+function colour() {
+  if (!answer) return;
+  flat.show(answer, quantity);
+  solid.show(answer, quantity);
+  legend();
+}
+function legend() {
+  const { low, high, flat: one } = coloured(quantity, answer.arrays), { scale, tick, unit } = QUANTITIES[quantity];
+  find("#scale").style.background = css(scale);
+  const text = `${scale}${low}${high}${one}`;
+  if (find("#ticks").dataset.of === text) return;
+  find("#ticks").dataset.of = text;
+  const ticks = one ? ["", tick(0.5 * (low + high)), ""] : [low, 0.5 * (low + high), high].map(tick);
+  find("#ticks").replaceChildren(...ticks.map((text) => el("span", {}, text)));
+  find("#scale").title = unit;
+}
+
+function toggle(id, act, on = false) {
+  const button = find(id);
+  const set = (value) => { button.setAttribute("aria-pressed", String(value)); act(value); };
+  button.addEventListener("click", () => set(button.getAttribute("aria-pressed") !== "true"));
+  button.setAttribute("aria-pressed", String(on));
+  return set;
+}
+toggle("#grid", (on) => { stage.grid = on; stage.draw(); });
+toggle("#reflection-lines", (on) => { solid.lines = on; solid.later(); });
+toggle("#combs", (on) => { solid.combs = on; solid.later(); }, true);
+find("#eyes").addEventListener("click", () => store.edit(({ look }) => { look.eyes = look.eyes === "both" ? "one" : "both"; }));
+
+// --- requests ---
+
+function request(fine) {
+  const { spec, look } = store.now;
+  wire?.design({ spec, look: { ...look, ...stage.room }, fine, changed: changedAt });
+}
+
+function changed(now, settled = false) {
+  paint();
+  if (settled && !stale()) return;
+  changedAt = performance.now();
+  document.body.dataset.due = "yes"; // until the fine picture of this design is on the screen, or it is refused
+  request(false);
+  rest();
+}
+function done() {
+  if (wire.flying.size === 0 && !wire.next) document.body.dataset.due = "no";
+}
+
+// Everything but the driver's view is drawn when an answer has come, or when none comes for a while: on a machine without a
+// graphics card each drawing takes the time that the next picture needs. What is to be had from the plan can wait longer.
+const ANSWER_MS = 120, PLAN_MS = 200;
+let fresh = null, waiting = 0, planned = 0;
+function paint(soon) {
+  if (waiting && !soon) return;
+  clearTimeout(waiting);
+  waiting = setTimeout(() => requestAnimationFrame(() => {
+    waiting = 0;
+    const { now } = store, message = fresh;
+    fresh = null;
+    if (message) {
+      if (message.fine || performance.now() - planned > PLAN_MS) {
+        planned = performance.now();
+        plan.show(message, now.spec.scene.lane, pinned?.ground);
+      }
+      colour();
+      notes(message);
+    }
+    controls.refresh();
+    laws.forEach((law) => law.draw());
+    figures.shown(null, pinned?.answer);
+    if (presets.value !== now.preset) presets.value = now.preset;
+    find("#eyes").setAttribute("aria-pressed", String(now.look.eyes === "both"));
+    find("#own-away").hidden = !now.look.own;
+    find("#undo").disabled = !store.past.length && !store.unsettled;
+    find("#redo").disabled = !store.future.length;
+  }), soon ? 0 : ANSWER_MS);
+}
+// Whether what is on the screen is of another design than the one there is now.
+let lastAsked = "";
+function stale() {
+  const text = JSON.stringify([store.now.spec, store.now.look]);
+  const differs = text !== lastAsked;
+  lastAsked = text;
+  return differs;
+}
+function rest() {
+  clearTimeout(restTimer);
+  restTimer = setTimeout(() => request(true), REST_MS);
+}
+
+wire = new Wire({
+  async connected() {
+    find("#lost").hidden = true;
+    const { spec, look } = store.now;
+    await bringAgain([spec.outline.file, spec.scene.image, look.own].filter((name) => name && name !== "road"));
+    request(false);
+    rest();
+  },
+  lost(reason) {
+    find("#lost").textContent = reason ? `Connection closed: ${reason}. Connecting again …` : "The studio's server does not answer. Your work is kept here; connecting again …";
+    find("#lost").hidden = false;
+    if (building) endBuild();
+  },
+  shown(message, flight) {
+    if (answer && message.id < answer.id) return;
+    answer = controls.answer = message;
+    for (const law of laws) law.answer = message;
+    well();
+    figures.shown(message, pinned?.answer); // before the picture: who waits for that finds them
+    stage.show(message).then((drawn) => drawn && flight && !flight.fine && measure(flight));
+    stage.presented = (presented) => presented.fine && setTimeout(() => requestAnimationFrame(done)); // after what `paint` draws
+    fresh = message;
+    paint(true);
+  },
+  failed(message, flight) {
+    fail(new Faults(message.faults));
+    if (flight?.fine) done();
+  },
+  probed({ found }) { stage.probed(found); },
+  building({ step }) { find("#build-step").textContent = step; progress(step); },
+  built(message) { built = { ...message, key: buildKey }; deliver(true); },
+  unbuilt({ faults }) { endBuild(); if (faults.length) fail(new Faults(faults)); },
+});
+
+function notes({ notes: texts, matched, fit, ms }) {
+  const parts = Object.entries(matched).map(([key, value]) => `${key} solved: ${value.toFixed(4)}`);
+  parts.push(`${fit.spans.join(" × ")} spans of degree ${fit.degree}${fit.met ? "" : ", tolerance missed"}`, ...texts);
+  if (find("#notes").textContent !== parts.join(" · ")) find("#notes").textContent = parts.join(" · ");
+  find("#notes").classList.toggle("warning", !fit.met || texts.length > 0);
+  find("#status").title = `design, maps and figures ${ms.design.toFixed(0)} ms, picture ${ms.picture.toFixed(0)} ms`;
+}
+
+function measure(flight) {
+  const now = performance.now();
+  rates.push(now);
+  while (now - rates[0] > 1000) rates.shift();
+  find("#status").textContent = `${Math.round(now - flight.sent)} ms${rates.length > 4 ? ` · ${rates.length}/s` : ""}`;
+}
+
+// --- presets, undo, pin ---
+
+const presets = find("#preset");
+presets.append(...Object.keys(start.presets).map((name) => el("option", { value: name }, name)));
+presets.addEventListener("change", () => {
+  const fresh = store.fresh(presets.value);
+  store.replace({ ...fresh, limits: store.now.limits, look: { ...fresh.look, eyes: store.now.look.eyes, ...(store.now.look.own && { own: store.now.look.own }) } });
+});
+find("#undo").addEventListener("click", () => store.undo());
+find("#redo").addEventListener("click", () => store.redo());
+
+async function pin() {
+  if (!answer) return;
+  const one = answer, state = copy(store.now); // as they are now: the hand goes on while pictures are decoded
+  const images = await Promise.all(Object.values(one.pictures).map((picture) => createImageBitmap(picture)));
+  pinned = { state, answer: one, images, names: Object.keys(one.pictures),
+    ground: Object.entries(one.arrays).filter(([name]) => name.startsWith("ground")).map(([, { data }]) => data) };
+  for (const id of ["#hold", "#swap", "#unpin"]) find(id).disabled = false;
+  figures.shown(null, pinned.answer);
+  plan.show(answer, store.now.spec.scene.lane, pinned.ground);
+}
+find("#pin").addEventListener("click", pin);
+find("#unpin").addEventListener("click", () => {
+  pinned = null;
+  stage.overlay(null);
+  for (const id of ["#hold", "#swap", "#unpin"]) find(id).disabled = true;
+  figures.shown(null, null);
+  plan.show(answer, store.now.spec.scene.lane, null);
+});
+find("#swap").addEventListener("click", async () => {
+  const { state } = pinned;
+  await pin();
+  store.replace(state);
+});
+const hold = find("#hold");
+const flip = (on) => { hold.setAttribute("aria-pressed", String(on)); stage.overlay(on && pinned ? pinned : null); find("#held").hidden = !on; };
+hold.addEventListener("click", () => flip(hold.getAttribute("aria-pressed") !== "true"));
+
+// --- the designer's own mirror ---
+
+find("#own").addEventListener("click", async () => {
+  const file = await choose(start.uploads.reflector.endings);
+  if (!file) return;
+  try {
+    const name = await bringIn("reflector", file);
+    store.edit(({ look }) => { look.own = name; });
+  } catch (problem) { fail(problem); }
+});
+find("#own-away").addEventListener("click", () => store.edit(({ look }) => { delete look.own; }));
+
+// --- specification in and out, and the address ---
+
+find("#open").addEventListener("click", async () => {
+  const file = await choose(start.uploads.spec.endings);
+  if (!file) return;
+  try {
+    const { spec, look } = await post("/upload/spec?ending=.toml", file);
+    const { eyes, yaw_deg, pitch_deg } = look ?? store.now.look;
+    store.replace({ ...store.now, spec, look: look ? { ...store.now.look, eyes, yaw_deg, pitch_deg } : { ...store.now.look, yaw_deg: 0, pitch_deg: 0 } });
+  } catch (problem) { fail(problem); }
+});
+async function saveSpec() {
+  try {
+    const { name, text } = await post("/toml", JSON.stringify({ spec: store.now.spec, look: { ...store.now.look, ...stage.room } }));
+    save(name, text, "application/toml");
+  } catch (problem) { fail(problem); }
+}
+find("#link").addEventListener("click", async () => {
+  store.settle();
+  store.toAddress();
+  await navigator.clipboard?.writeText(location.href).catch(() => {});
+  find("#link").textContent = "Copied";
+  setTimeout(() => { find("#link").textContent = "Copy link"; }, 1200);
+});
+addEventListener("hashchange", () => { if (location.hash.length > 1) store.fromAddress(); });
+
+// --- taking away ---
+
+let building = null, buildKey = "", begun = 0;
+const STEPS = ["designing", "writing and reading back", "curvature deviation", "tracing the driver", "decoupled and faithful", "report", "done"];
+for (const button of document.querySelectorAll("[data-take]")) button.addEventListener("click", () => take(button.dataset.take));
+function take(kind) {
+  if (kind === "spec") { saveSpec(); return; }
+  const { eyes, yaw_deg, pitch_deg } = store.now.look;
+  const key = JSON.stringify([store.now.spec, yaw_deg, pitch_deg, eyes]);
+  building = kind;
+  if (built?.key === key) { deliver(); return; }
+  buildKey = key;
+  begun = performance.now();
+  find("#building").hidden = false;
+  find("#build-step").textContent = "starting";
+  progress("");
+  if (!wire.ask({ type: "build", spec: store.now.spec, look: { ...store.now.look, ...stage.room } })) {
+    endBuild();
+    fail(new Error("the studio's server does not answer: the files can be made when it does"));
+  }
+}
+function progress(step) {
+  const at = STEPS.findIndex((text) => step.startsWith(text));
+  find("#build-bar").value = (at + 1) / STEPS.length;
+}
+async function deliver(fresh) {
+  const kind = building;
+  endBuild();
+  if (!kind) return;
+  const path = `/files/${built.token}/${kind}`;
+  const there = await fetch(path, { method: "HEAD" }).catch(() => null);
+  if (!there?.ok) {
+    built = null;
+    if (fresh) fail(new Error("the files are no longer on the server: try again"));
+    else take(kind); // the server was restarted
+    return;
+  }
+  save("", path);
+  find("#made").textContent = built.missed.length ? `Made, but: ${built.missed.join("; ")}` : `Made and read back in ${((performance.now() - begun) / 1000).toFixed(1)} s`;
+  find("#made").classList.toggle("warning", built.missed.length > 0);
+}
+function endBuild() {
+  building = null;
+  find("#building").hidden = true;
+}
+find("#cancel").addEventListener("click", () => wire.ask({ type: "cancel" }));
+
+// --- keyboard ---
+
+addEventListener("keydown", (event) => {
+  const typing = event.target.matches("input:not([type=range]):not([type=checkbox]), textarea");
+  if (event.ctrlKey || event.metaKey) {
+    const key = event.key.toLowerCase();
+    if (key === "z" && !event.shiftKey) { event.preventDefault(); store.undo(); }
+    if (key === "y" || (key === "z" && event.shiftKey)) { event.preventDefault(); store.redo(); }
+    return;
+  }
+  if (typing || event.altKey || event.target.matches("select")) return;
+  const press = { g: "#grid", e: "#eyes", p: "#pin", a: "#hold", l: "#reflection-lines", c: "#combs", "?": "#help" }[event.key];
+  if (press && !find(press).disabled) { event.preventDefault(); find(press).click(); }
+});
+const help = find("#help-text");
+find("#help").addEventListener("click", () => help.showModal());
+addEventListener("pagehide", () => store.settle());
+
+if (!store.fromAddress()) changed(store.now);
+document.body.dataset.ready = "yes";

@@ -1,0 +1,138 @@
+// The design with its history: keys in, changed copies out; to the address and back.
+
+export const NO_LOOK = { yaw_deg: 0, pitch_deg: 0, eyes: "one" };
+const MOST_HISTORY = 200;
+const SETTLE_MS = 350; // changes closer than this are one step of undo
+
+export const copy = (value) => JSON.parse(JSON.stringify(value));
+
+export function get(object, key) {
+  return key.split(".").reduce((at, part) => (at === undefined || at === null ? undefined : at[part]), object);
+}
+
+export function put(object, key, value) {
+  const parts = key.split(".");
+  const last = parts.pop();
+  let at = object;
+  for (const part of parts) at = at[part] ??= {};
+  if (value === undefined) delete at[last];
+  else at[last] = value;
+}
+
+// {a: {b: 1}} → {"a.b": 1}; lists are values.
+export function flat(object, prefix = "", into = {}) {
+  for (const [key, value] of Object.entries(object)) {
+    if (value !== null && typeof value === "object" && !Array.isArray(value)) flat(value, `${prefix}${key}.`, into);
+    else into[`${prefix}${key}`] = value;
+  }
+  return into;
+}
+
+export class Store {
+  constructor(presets, opensOn, changed) {
+    this.presets = presets;
+    this.opensOn = opensOn;
+    this.changed = changed;
+    this.past = [];
+    this.future = [];
+    this.now = this.fresh(opensOn);
+    this.base = JSON.stringify(this.now);
+    this.timer = 0;
+  }
+
+  fresh(preset) {
+    return { preset, spec: copy(this.presets[preset]), look: { ...NO_LOOK }, limits: {} };
+  }
+
+  // One change by hand. It becomes a step of undo when the hand rests.
+  edit(change) {
+    change(this.now);
+    this.unsettled = true;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.settle(), SETTLE_MS);
+    this.changed(this.now);
+  }
+
+  settle() {
+    clearTimeout(this.timer);
+    this.unsettled = false;
+    const text = JSON.stringify(this.now);
+    if (text === this.base) return;
+    this.past.push(this.base);
+    if (this.past.length > MOST_HISTORY) this.past.shift();
+    this.future = [];
+    this.base = text;
+    this.toAddress();
+    this.changed(this.now, true);
+  }
+
+  replace(state) {
+    this.settle();
+    this.now = state;
+    this.settle();
+    this.changed(this.now);
+  }
+
+  undo() {
+    this.settle();
+    if (this.past.length) this.travel(this.past, this.future);
+  }
+
+  redo() {
+    this.settle();
+    if (this.future.length) this.travel(this.future, this.past);
+  }
+
+  travel(from, to) {
+    to.push(this.base);
+    this.base = from.pop();
+    this.now = JSON.parse(this.base);
+    this.toAddress();
+    this.changed(this.now, true);
+  }
+
+  // --- the address: the preset, then every key that differs from it ---
+
+  toAddress() {
+    const parts = [this.now.preset];
+    const own = flat({ ...this.now.spec, look: this.now.look, limits: this.now.limits });
+    const preset = flat({ ...this.presets[this.now.preset], look: NO_LOOK });
+    for (const [key, value] of Object.entries(own)) {
+      if (JSON.stringify(value) !== JSON.stringify(preset[key])) parts.push(`${key}=${encode(value)}`);
+    }
+    for (const key of Object.keys(preset)) if (!(key in own)) parts.push(`${key}=`);
+    history.replaceState(null, "", `#${parts.join("&")}`);
+  }
+
+  // Raises nothing: what cannot be read is left out, and the server says what is wrong with the rest.
+  fromAddress() {
+    const [preset, ...parts] = location.hash.slice(1).split("&");
+    if (!preset) return false;
+    const state = this.fresh(preset in this.presets ? preset : this.opensOn);
+    for (const part of parts) {
+      const cut = part.indexOf("=");
+      if (cut < 1) continue;
+      const key = part.slice(0, cut);
+      if (!/^[A-Za-z0-9_.-]+$/.test(key) || /(^|\.)(__proto__|constructor|prototype)(\.|$)/.test(key)) continue;
+      const value = decode(part.slice(cut + 1));
+      const home = /^(look|limits)\./.test(key) ? state : state.spec;
+      put(home, key, value);
+    }
+    if (!state.spec.horizontal.match || !Object.keys(state.spec.horizontal.match).length) delete state.spec.horizontal.match;
+    this.now = state;
+    this.base = JSON.stringify(state);
+    this.changed(this.now, true);
+    return true;
+  }
+}
+
+const encode = (value) => (typeof value === "string" && !/^[-+0-9.[{"tfn]/.test(value) ? encodeURIComponent(value)
+  : encodeURIComponent(JSON.stringify(value)).replaceAll("%2C", ",").replaceAll("%5B", "[").replaceAll("%5D", "]"));
+
+function decode(text) {
+  if (text === "") return undefined;
+  try {
+    const plain = decodeURIComponent(text);
+    try { return JSON.parse(plain); } catch { return plain; }
+  } catch { return undefined; }
+}

@@ -1,0 +1,149 @@
+"""What page and server say to each other: text in, checked messages out; figures and arrays in, one binary message out."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+MAGIC = b"MCS1"
+LARGEST_MESSAGE = 2_000_000  # bytes: a specification with tables of some 50,000 rows
+DEEPEST = 12  # levels of nesting: a specification has four
+LARGEST_PICTURE = 4096  # pixels a side
+CHART = 3.0e38  # float32's largest: beyond, an array holds NaN
+
+
+class WrongShapeError(Exception):
+    """A message that is none of the protocol's: its connection is closed, with this reason."""
+
+
+class StoppedError(Exception):
+    """Raised by a progress callback: a newer request has come."""
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    id: Annotated[int, Field(ge=0, le=2**53)]
+
+
+class Look(BaseModel):
+    """How the mirror is turned and looked at: what a specification does not say.
+
+    yaw_deg : turns its face towards the driver's side.   pitch_deg : then turns it up.   width, height : room for a picture.
+    own : the name of an uploaded reflector to be seen beside the design.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    yaw_deg: Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)] = 0.0
+    pitch_deg: Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)] = 0.0
+    eyes: Literal["one", "both"] = "one"
+    width: Annotated[int, Field(ge=16, le=LARGEST_PICTURE)] = 640
+    height: Annotated[int, Field(ge=16, le=LARGEST_PICTURE)] = 480
+    own: Annotated[str, Field(max_length=64)] | None = None
+
+
+class Design(_Message):
+    """Design this and show it. `fine`: with every edge smoothed and the deviations worked out, which takes longer."""
+
+    type: Literal["design"]
+    spec: dict[str, Any]
+    look: Look
+    fine: bool = False
+
+
+class Probe(_Message):
+    """What is seen at (x, y) mm of the picture plane in the design shown last."""
+
+    type: Literal["probe"]
+    x: Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+    y: Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+    eye: Annotated[int, Field(ge=0, le=1)] = 0
+
+
+class Build(_Message):
+    """Make the files of this design."""
+
+    type: Literal["build"]
+    spec: dict[str, Any]
+    look: Look
+
+
+class Cancel(_Message):
+    """Stop making files."""
+
+    type: Literal["cancel"]
+
+
+AnyMessage = Design | Probe | Build | Cancel
+_adapter: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
+
+
+def read_message(text: str) -> AnyMessage:
+    """A page's message. Raises: WrongShapeError for any other text."""
+    if len(text) > LARGEST_MESSAGE:
+        raise WrongShapeError(f"a message of {len(text)} characters; {LARGEST_MESSAGE} are read")
+    try:
+        raw = json.loads(text, parse_constant=_no_constant)
+        if _depth(raw) > DEEPEST:
+            raise WrongShapeError(f"a message nested deeper than {DEEPEST}")
+        return _adapter.validate_python(raw)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ValidationError):
+            first = error.errors(include_url=False)[0]
+            raise WrongShapeError(f"{'.'.join(str(key) for key in first['loc'])}: {first['msg']}"[:100]) from None
+        raise WrongShapeError("not a message in JSON") from None
+
+
+def _no_constant(name: str) -> Any:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _depth(value: Any) -> int:
+    deepest, waiting = 0, [(value, 1)]
+    while waiting:
+        here, level = waiting.pop()
+        deepest = max(deepest, level)
+        if level > DEEPEST:
+            break
+        if isinstance(here, dict):
+            waiting += [(item, level + 1) for item in here.values()]
+        elif isinstance(here, list):
+            waiting += [(item, level + 1) for item in here]
+    return deepest
+
+
+def pack(header: dict[str, Any], pictures: dict[str, bytes], arrays: dict[str, NDArray[Any]]) -> bytes:
+    """One binary message: MAGIC, the header's length (uint32, little-endian), the header as JSON with a list of `parts`, and
+    the parts: JPEG pictures and float32 arrays, each starting at a multiple of four bytes."""
+    parts, bodies = [], []
+    for name, data in pictures.items():
+        parts.append({"name": name, "kind": "jpeg", "bytes": len(data)})
+        bodies.append(data)
+    for name, array in arrays.items():
+        with np.errstate(over="ignore"):
+            data = np.where(np.abs(array) < CHART, array, np.nan).astype("<f4").tobytes()
+        parts.append({"name": name, "kind": "float32", "bytes": len(data), "shape": list(array.shape)})
+        bodies.append(data)
+    text = json.dumps(header | {"parts": parts}, allow_nan=False, ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 4)
+    return b"".join([MAGIC, struct.pack("<I", len(text)), text, *(body + b"\0" * (-len(body) % 4) for body in bodies)])
+
+
+def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The header and the parts of a binary message: what the page does, for tests and other clients."""
+    if message[:4] != MAGIC:
+        raise WrongShapeError("not a message of the studio")
+    (length,) = struct.unpack_from("<I", message, 4)
+    header: dict[str, Any] = json.loads(message[8:8 + length])
+    at, parts = 8 + length, {}
+    for part in header["parts"]:
+        data = message[at:at + part["bytes"]]
+        parts[part["name"]] = data if part["kind"] == "jpeg" else np.frombuffer(data, "<f4").reshape(part["shape"])
+        at += part["bytes"] + (-part["bytes"] % 4)
+    return header, parts

@@ -1,0 +1,69 @@
+"""A child process's work: one uploaded file in, read under limits on memory and time; its faults out as JSON."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import resource
+import sys
+from pathlib import Path
+
+from mirror_cad.errors import FileError, MirrorError
+from mirror_studio.web.uploads import READING_SECONDS
+
+MOST_MEMORY = 6_000_000_000  # bytes of address space: the kernel alone maps two
+MOST_PIXELS = 40_000_000
+MOST_FACES = 2_000_000  # of a mesh that is to be traced while sliders move
+
+
+def read(kind: str, path: Path) -> None:
+    """Read a file as the studio will, and leave a reflector beside it, ready to be traced. Raises: MirrorError."""
+    if kind == "outline":
+        from mirror_cad.outline_files import read_outline
+
+        read_outline(path)
+    elif kind == "picture":
+        from PIL import Image
+
+        from raytrace.scene.reference import load_picture
+
+        try:
+            with Image.open(path) as picture:
+                width, height = picture.size
+        except Exception:
+            width = height = 0  # what is wrong with it, the real reader says
+        if width * height > MOST_PIXELS:
+            raise FileError(f"{width} × {height} elements are too many (the studio takes {MOST_PIXELS // 10**6} million): "
+                            "scale the picture down")
+        load_picture(path)
+    elif kind == "reflector":
+        from raytrace.reflector import load_reflector
+
+        reflector = load_reflector(path)
+        if reflector.mesh is not None and len(reflector.mesh.faces) > MOST_FACES:
+            raise FileError(f"{len(reflector.mesh.faces)} triangles are too many (the studio takes {MOST_FACES // 10**6} "
+                            "million): write the mesh coarser")
+        for spline in reflector.splines:
+            _ = spline.trimming
+        path.with_name(f"{path.name}.read").write_bytes(pickle.dumps(reflector))
+
+
+def main() -> None:
+    """Limits first, then the file."""
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (READING_SECONDS, READING_SECONDS))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    faults: list[str] = []
+    try:
+        read(sys.argv[1], Path(sys.argv[2]))
+    except MirrorError as error:
+        faults = str(error).splitlines()
+    except MemoryError:
+        faults = ["the file needs too much memory"]
+    except RecursionError:
+        faults = ["the file is nested too deeply"]
+    print(json.dumps({"faults": faults}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,264 @@
+"""A port in, the studio served on it until it is stopped."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import json
+import os
+import socket
+import sys
+import threading
+import webbrowser
+from collections.abc import AsyncIterator
+from importlib import metadata, resources
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI, Request, WebSocket
+from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from pydantic import ValidationError
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from mirror_cad.errors import FileError, SpecError
+from mirror_cad.spec_laws import TableLaw
+from mirror_studio.web import state
+from mirror_studio.web.controls import controls
+from mirror_studio.web.downloads import KINDS, Downloads
+from mirror_studio.web.protocol import LARGEST_MESSAGE, Look
+from mirror_studio.web.session import Session, Shared, faults_of
+from mirror_studio.web.uploads import LIMITS, Uploads, check, in_folder
+
+HOST = "127.0.0.1"
+MOST_CONNECTIONS = 16
+TOO_MANY = 1013  # WebSocket close code: try again later
+PING_SECONDS = 20.0
+MEDIA = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8", ".js": "text/javascript; charset=utf-8",
+         ".txt": "text/plain; charset=utf-8", ".svg": "image/svg+xml"}
+HEADERS = {
+    # unsafe-eval: programs that drive a browser wait by it; nothing that comes from outside is ever evaluated.
+    "Content-Security-Policy": "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self'; "
+                               "img-src 'self' blob: data:; connect-src 'self'; "
+                               "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin", "Cache-Control": "no-store",
+}
+
+
+class BadPortError(Exception):
+    """A port that cannot be served on, in words."""
+
+
+def serve(port: int, browser: bool) -> None:
+    """Serve the studio until it is interrupted. Port 0 takes any free one. Raises: BadPortError."""
+    listening = _listen(port)
+    address = f"http://{HOST}:{listening.getsockname()[1]}/"
+    app = create_app(listening.getsockname()[1])
+    config = uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio", ws_per_message_deflate=False,
+                            ws_max_size=LARGEST_MESSAGE, ws_ping_interval=PING_SECONDS, ws_ping_timeout=PING_SECONDS,
+                            lifespan="on", server_header=False, date_header=False, timeout_graceful_shutdown=2)
+    print(f"mirror-cad: the studio is at {address} (Ctrl+C ends it)", file=sys.stderr, flush=True)
+    if browser and _has_display():
+        threading.Timer(0.3, webbrowser.open, [address]).start()
+    # It raises the signal that ended it once more: an interrupt is how the studio is meant to end.
+    with contextlib.suppress(KeyboardInterrupt), listening:
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+def _listen(port: int) -> socket.socket:
+    if not 0 <= port <= 65535:
+        raise BadPortError(f"--port {port}: a port is a number from 0 to 65535 (0 takes any free one)")
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((HOST, port))
+        listening.listen(64)
+    except OSError as error:
+        listening.close()
+        why = {errno.EADDRINUSE: "it is in use: another studio may run; choose another one, or --port 0 for any free one",
+               errno.EACCES: "it may not be used: choose one above 1023"}.get(error.errno or 0, str(error.strerror))
+        raise BadPortError(f"--port {port}: {why}") from None
+    return listening
+
+
+def _has_display() -> bool:
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def create_app(port: int) -> ASGIApp:
+    """The studio as an application that answers on this port of the local host alone."""
+    static = _static()
+    start = json.dumps({"presets": state.presets(), "opens_on": state.OPENS_ON, "controls": controls(),
+                        "kinds": list(KINDS), "version": metadata.version("mirror-cad"),
+                        "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
+                                    for kind, limit in LIMITS.items()}})
+    open_ = 0
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.shared = shared = Shared(Uploads(), Downloads())
+        shared.quick.submit(_warm)
+        try:
+            yield
+        finally:
+            shared.close()
+
+    app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+
+    def shared() -> Shared:
+        found: Shared = app.state.shared
+        return found
+
+    @app.get("/")
+    async def index() -> Response:
+        return Response(static["index.html"], media_type=MEDIA[".html"])
+
+    @app.get("/static/{name}")
+    async def file(name: str) -> Response:
+        if name not in static:
+            return PlainTextResponse("there is no such file", 404)
+        return Response(static[name], media_type=MEDIA[f".{name.rsplit('.', 1)[1]}"])
+
+    @app.get("/start")
+    async def beginning() -> Response:
+        return Response(start, media_type="application/json")
+
+    @app.websocket("/ws")
+    async def ws(connection: WebSocket) -> None:
+        nonlocal open_
+        await connection.accept()
+        if open_ >= MOST_CONNECTIONS:
+            await connection.close(TOO_MANY, "too many pages are open")
+            return
+        open_ += 1
+        try:
+            await Session(connection, shared()).run()
+        finally:
+            open_ -= 1
+
+    @app.post("/upload/{kind}")
+    async def upload(kind: str, request: Request, ending: str = "") -> Response:
+        return await _answered(_upload(shared(), kind, ending.lower(), request))
+
+    @app.post("/toml")
+    async def toml(request: Request) -> Response:
+        return await _answered(_toml(shared(), request))
+
+    @app.api_route("/files/{token}/{kind}", methods=["GET", "HEAD"])
+    async def files(token: str, kind: str) -> Response:
+        made = shared().downloads.get(token)
+        if made is None or kind not in KINDS:
+            return PlainTextResponse("these files are no longer here: make them again", 404)
+        path, name, media = made.file(kind)
+        return FileResponse(path, media_type=media, filename=name)
+
+    return Guarded(app, port)
+
+
+def _warm() -> None:
+    """The kernels loaded and the opening design made before a page asks for it."""
+    from mirror_cad.spec_file import load_spec
+    from mirror_studio.web import engine
+
+    engine.show(load_spec(state.OPENS_ON), Look())
+
+
+def _static() -> dict[str, bytes]:
+    """The page's files, read once: a request's name is looked up here and never opened."""
+    folder = resources.files("mirror_studio") / "web" / "static"
+    return {entry.name: entry.read_bytes() for entry in folder.iterdir() if f".{entry.name.rsplit('.', 1)[-1]}" in MEDIA}
+
+
+async def _answered(work: Any) -> Response:
+    try:
+        return JSONResponse(await work)
+    except Exception as error:
+        return JSONResponse({"faults": faults_of(error)}, 400)
+
+
+async def _upload(shared: Shared, kind: str, ending: str, request: Request) -> dict[str, Any]:
+    if kind not in LIMITS:
+        raise FileError(f"files of the kind {kind[:20]!r} are not taken; {', '.join(LIMITS)} are")
+    check(kind, ending, int(request.headers.get("content-length") or 0))
+    data = await _body(request, LIMITS[kind].largest)
+    check(kind, ending, len(data))
+    if kind == "spec":
+        spec, look = state.read_toml(_text(data), shared.uploads)
+        return {"spec": spec, "look": look}
+    if kind == "table":
+        return await asyncio.to_thread(in_folder, shared.uploads, ending, data, _table)
+    return {"name": await asyncio.to_thread(shared.uploads.add, kind, ending, data)}
+
+
+def _table(path: Any) -> dict[str, Any]:
+    try:
+        law = TableLaw.model_validate({"law": "table", "file": path.name}, context={"folder": path.parent})
+    except ValidationError as error:
+        texts = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors(include_url=False)]
+        raise SpecError([text.replace(f"file = \"{path}\"", "the table") for text in texts]) from None
+    return law.model_dump(exclude_none=True)
+
+
+async def _toml(shared: Shared, request: Request) -> dict[str, Any]:
+    try:
+        asked = json.loads(await _body(request, LARGEST_MESSAGE))
+        look = Look.model_validate(asked["look"])
+        spec = asked["spec"]
+        if not isinstance(spec, dict):
+            raise TypeError
+    except (ValueError, TypeError, KeyError, RecursionError, ValidationError):
+        raise SpecError("not a request of the studio's page") from None
+    checked = state.as_spec(spec, shared.uploads)
+    return {"name": f"{checked.name}.toml", "text": state.as_toml(checked, look)}
+
+
+async def _body(request: Request, largest: int) -> bytes:
+    data = bytearray()
+    async for part in request.stream():
+        data += part
+        if len(data) > largest:
+            raise FileError(f"more than {largest / 1e6:g} MB are not taken")
+    return bytes(data)
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise SpecError(f"not a text file (byte {error.start} is no UTF-8)") from None
+
+
+class Guarded:
+    """Lets through what the studio's own page asks for on its own address, and says no to the rest.
+
+    The Host keeps out names that somebody points at this machine, the Origin other pages open in the same browser.
+    """
+
+    def __init__(self, app: ASGIApp, port: int) -> None:
+        self._app = app
+        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")} | ({HOST, "localhost"} if port == 80 else set())
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        origin = headers.get("origin")
+        own = headers.get("host") in self._hosts
+        # A browser always states the origin of another page that opens a connection or sends something; one that states none
+        # is no page.
+        own = own and (origin is None or origin in {f"http://{host}" for host in self._hosts})
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []),
+                                      *((name.lower().encode(), value.encode()) for name, value in HEADERS.items())]
+            await send(message)
+
+        if own:
+            await self._app(scope, receive, with_headers if scope["type"] == "http" else send)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})  # before it is accepted: answered with 403
+        else:
+            await PlainTextResponse("this is for the studio's own page", 403)(scope, receive, with_headers)

@@ -1,0 +1,201 @@
+"""One page's connection in, answered until it ends: designs with the newest winning, probes, and the making of files."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from fastapi import WebSocket, WebSocketDisconnect
+
+from mirror_cad.errors import MirrorError
+from mirror_studio.web.downloads import Downloads, NotMadeError
+from mirror_studio.web.protocol import Build, Cancel, Design, Look, Probe, StoppedError, WrongShapeError, pack, read_message
+from mirror_studio.web.state import as_spec
+from mirror_studio.web.uploads import Uploads
+
+if TYPE_CHECKING:
+    from mirror_studio.web.engine import Designed
+
+T = TypeVar("T")
+
+SEND_SECONDS = 30.0  # a page that has not read for so long is gone
+WRONG_SHAPE, GONE = 1008, 1011  # WebSocket close codes: policy violation, internal error
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What all connections share."""
+
+    uploads: Uploads
+    downloads: Downloads
+    quick: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(4, "studio-quick"))
+    slow: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "studio-slow"))
+
+    def close(self) -> None:
+        """Remove all files; threads end by themselves."""
+        self.quick.shutdown(wait=False, cancel_futures=True)
+        self.slow.shutdown(wait=False, cancel_futures=True)
+        self.uploads.close()
+        self.downloads.close()
+
+
+class Session:
+    """A connection. At most one design is worked out and one waits: a newer one takes the waiting one's place."""
+
+    def __init__(self, socket: WebSocket, shared: Shared) -> None:
+        self._socket, self._shared = socket, shared
+        self._sending = asyncio.Lock()
+        self._waiting: Design | None = None
+        self._dropped: list[int] = []
+        self._something = asyncio.Event()
+        self._stop_fine = threading.Event()
+        self._shown: tuple[Designed, Look] | None = None
+        self._building: asyncio.Task[None] | None = None
+
+    async def run(self) -> None:
+        """Answer until the page goes, says something of the wrong shape, or does not read."""
+        designing = asyncio.create_task(self._design_all())
+        try:
+            while True:
+                message = read_message(await self._socket.receive_text())
+                if isinstance(message, Design):
+                    if self._waiting is not None:
+                        self._dropped.append(self._waiting.id)
+                    self._waiting = message
+                    self._stop_fine.set()
+                    self._something.set()
+                elif isinstance(message, Probe):
+                    await self._probe(message)
+                elif isinstance(message, Build):
+                    await self._stop_building()
+                    self._building = asyncio.create_task(self._build(message))
+                elif isinstance(message, Cancel):
+                    await self._stop_building()
+                if designing.done():
+                    break
+        except WrongShapeError as error:
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                await self._socket.close(WRONG_SHAPE, str(error)[:120])
+        except (WebSocketDisconnect, RuntimeError, KeyError):  # gone, or it sent bytes where text is due
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                await self._socket.close(WRONG_SHAPE)
+        finally:
+            self._stop_fine.set()
+            await self._stop_building()
+            designing.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await designing
+
+    # --- designs ------------------------------------------------------------------------------------------------------
+
+    async def _design_all(self) -> None:
+        try:
+            while True:
+                await self._something.wait()
+                self._something.clear()
+                message, self._waiting = self._waiting, None
+                if message is not None:
+                    await self._design(message)
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            with contextlib.suppress(Exception):
+                await self._socket.close(GONE)
+
+    async def _design(self, message: Design) -> None:
+        dropped, self._dropped = self._dropped, []
+        self._stop_fine.clear()
+        common = {"id": message.id, "dropped": dropped}
+        try:
+            pool = self._shared.slow if message.fine else self._shared.quick
+            packed = await asyncio.get_running_loop().run_in_executor(pool, self._show, message, common)
+        except StoppedError:
+            await self._say(common | {"type": "stopped"})
+        except Exception as error:
+            await self._say(common | {"type": "error", "faults": faults_of(error)})
+        else:
+            await self._send(packed)
+
+    def _show(self, message: Design, common: dict[str, Any]) -> bytes:
+        from mirror_studio.web import engine  # with the tracer's kernels, loaded while the page is
+
+        spec = as_spec(message.spec, self._shared.uploads)
+        own = self._shared.uploads.reflector(message.look.own) if message.look.own is not None else None
+        shown = engine.show(spec, message.look, message.fine, own, self._stopped if message.fine else None)
+        self._shown = engine.designed(spec), message.look
+        return pack(common | {"type": "shown"} | shown.header, shown.pictures, shown.arrays)
+
+    def _stopped(self, share: float) -> None:
+        if self._stop_fine.is_set():
+            raise StoppedError
+
+    async def _probe(self, message: Probe) -> None:
+        found = None
+        if self._shown is not None:
+            from mirror_studio.web import engine
+
+            one, look = self._shown
+            found = await self._in_pool(lambda: engine.probe(one, look, message.x, message.y, message.eye))
+        await self._say({"type": "probed", "id": message.id, "found": found})
+
+    async def _in_pool(self, work: Callable[[], T]) -> T | None:
+        """None where the work raises."""
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._shared.quick, work)
+        except Exception as error:
+            faults_of(error)
+            return None
+
+    # --- files --------------------------------------------------------------------------------------------------------
+
+    async def _build(self, message: Build) -> None:
+        common = {"id": message.id}
+
+        async def report(text: str) -> None:
+            await self._say(common | {"type": "building", "step": text})
+
+        try:
+            spec = as_spec(message.spec, self._shared.uploads)
+            made = await self._shared.downloads.build(spec, message.look, self._shared.uploads, report)
+            await self._say(common | {"type": "built", "token": made.token, "missed": list(made.missed)})
+        except asyncio.CancelledError:
+            with contextlib.suppress(Exception):
+                await self._say(common | {"type": "unbuilt", "faults": []})
+            raise
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return  # the page is gone
+        except Exception as error:
+            with contextlib.suppress(Exception):
+                await self._say(common | {"type": "unbuilt", "faults": faults_of(error)})
+
+    async def _stop_building(self) -> None:
+        task, self._building = self._building, None
+        if task is not None and not task.done():
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await task
+
+    # --- sending ------------------------------------------------------------------------------------------------------
+
+    async def _say(self, message: dict[str, Any]) -> None:
+        async with self._sending, asyncio.timeout(SEND_SECONDS):
+            await self._socket.send_json(message)
+
+    async def _send(self, packed: bytes) -> None:
+        async with self._sending, asyncio.timeout(SEND_SECONDS):
+            await self._socket.send_bytes(packed)
+
+
+def faults_of(error: Exception) -> list[str]:
+    """What to tell a person: the error's own words, or that something is wrong with the studio, which goes to the log."""
+    if isinstance(error, MirrorError | NotMadeError):
+        return [line for line in str(error).splitlines() if line]
+    if isinstance(error, MemoryError):
+        return ["this design needs more memory than there is"]
+    print("".join(traceback.format_exception(error)), file=sys.stderr)
+    return [f"internal error: {type(error).__name__}: {str(error)[:300]}"]

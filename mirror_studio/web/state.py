@@ -1,0 +1,124 @@
+"""Specifications as the page holds them in, checked ones and TOML out, and back; the presets; the controls of the page."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from mirror_cad.errors import SpecError
+from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_file import load_spec, preset_names, validate_spec
+from mirror_studio.web.protocol import Look
+from mirror_studio.web.uploads import Uploads
+
+OPENS_ON = "progressive-c"
+LOOK_LINE = "# studio: "  # before what a specification has no key for, as JSON, in a TOML file's first line
+FILES = (("outline", "file"), ("scene", "image"))
+BUILT_IN_PICTURE = "road"
+
+
+def presets() -> dict[str, dict[str, Any]]:
+    """Every preset with all of its keys, as the page holds them."""
+    return {name: as_state(load_spec(name)) for name in preset_names()}
+
+
+def as_state(spec: MirrorSpec) -> dict[str, Any]:
+    """A specification with all of its keys, without what is left out; an infinite radius is the text "inf", a file its name."""
+    state: dict[str, Any] = _plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
+    for section, key in FILES:
+        if key in state[section] and state[section][key] != BUILT_IN_PICTURE:
+            state[section][key] = Path(state[section][key]).name
+    if "file" in state["outline"]:
+        state["outline"] = {"file": state["outline"]["file"]}
+    return state
+
+
+def as_spec(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
+    """What the page holds, checked as any specification. Raises: SpecError with every fault, and for files not uploaded."""
+    raw = {name: dict(section) if isinstance(section, dict) else section for name, section in state.items()}
+    for law in ("horizontal", "vertical"):
+        section = raw.get(law)
+        if isinstance(section, dict):
+            if "file" in section:
+                raise SpecError(f"{law}.file = {str(section['file'])[:60]!r}: the studio reads no files by their names: bring "
+                                "the table in with \"Table from CSV\"")
+            for key, value in section.items():
+                section[key] = _numbers(value)
+    for where, key in FILES:
+        section = raw.get(where)
+        name = section.get(key) if isinstance(section, dict) else None
+        if name is not None and name != BUILT_IN_PICTURE and not uploads.has(name):
+            raise SpecError(f"{where}.{key} = {str(name)[:60]!r}: the studio reads no files by their names: bring this one in "
+                            "with its button")
+    return validate_spec(raw, "specification", uploads.folder)
+
+
+def read_toml(text: str, uploads: Uploads) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """A TOML file's specification as the page holds it, and its first line's look, if it has one.
+
+    Raises: SpecError for a text that is no specification, or names files.
+    """
+    try:
+        raw = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SpecError(f"specification: not TOML: {str(error)[:200]}") from None
+    raw.setdefault("name", "mirror")
+    look = None
+    if text.startswith(LOOK_LINE):
+        try:
+            look = Look.model_validate_json(text.split("\n", 1)[0].removeprefix(LOOK_LINE)).model_dump(exclude_none=True)
+        except ValidationError:
+            look = None  # a comment of somebody else's
+    return as_state(as_spec(raw, uploads)), look
+
+
+def as_toml(spec: MirrorSpec, look: Look | None = None) -> str:
+    """A specification as TOML, without the keys that have their defaults; files by their names alone."""
+    content = spec.model_dump(mode="python", exclude_defaults=True, exclude_none=True, warnings=False)
+    content = {"name": spec.name} | content
+    for section, key in FILES:
+        if key in content.get(section, {}) and content[section][key] != BUILT_IN_PICTURE:
+            content[section][key] = Path(content[section][key]).name
+    lines = [] if look is None else [LOOK_LINE + look.model_dump_json(include={"yaw_deg", "pitch_deg", "eyes"})]
+    _write(lines, (), content)
+    return "\n".join(lines) + "\n"
+
+
+def _write(lines: list[str], path: tuple[str, ...], table: dict[str, Any]) -> None:
+    if path:
+        lines += ["", f"[{'.'.join(path)}]"]
+    lines += [f"{key} = {_value(value)}" for key, value in table.items() if not isinstance(value, dict)]
+    for key, value in table.items():
+        if isinstance(value, dict):
+            _write(lines, (*path, key), value)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _numbers(value: Any) -> Any:
+    """The text "inf" is the number in a law: JSON has none."""
+    if isinstance(value, list):
+        return [_numbers(item) for item in value]
+    return float(value) if isinstance(value, str) and re.fullmatch(r"[+-]?inf", value) else value

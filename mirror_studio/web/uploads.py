@@ -1,0 +1,132 @@
+"""Files from the page in, checked and stored under names of our own out: the page's names never reach the file system."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from mirror_cad.errors import FileError, SpecError
+
+if TYPE_CHECKING:
+    from raytrace.reflector import Reflector
+
+Kind = Literal["outline", "picture", "reflector", "table", "spec"]
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Which endings a kind of file may have, and how large it may be, bytes."""
+
+    endings: tuple[str, ...]
+    largest: int
+
+
+LIMITS: dict[Kind, Limit] = {
+    "outline": Limit((".dxf", ".svg"), 5_000_000),
+    "picture": Limit((".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff"), 40_000_000),
+    "reflector": Limit((".step", ".stp", ".stl", ".obj", ".ply", ".off"), 60_000_000),
+    "table": Limit((".csv", ".txt"), 4_000_000),
+    "spec": Limit((".toml",), 1_000_000),
+}
+NAME = re.compile(r"[0-9a-f]{24}\.[a-z]{3,4}")
+MOST_FILES = 40  # kept; the oldest go
+READING_SECONDS = 60  # of a child's time, and of the clock
+
+
+class Uploads:
+    """A folder of its own, with the files that pages have brought in, each named by the hash of its content."""
+
+    def __init__(self) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="mirror-cad-studio-"))
+        self._names: list[str] = []
+        self._lock = threading.Lock()
+
+    def close(self) -> None:
+        """Remove everything."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def has(self, name: Any) -> bool:
+        """Whether this is the name of a file here; of anything else it is not, whatever it is."""
+        return isinstance(name, str) and NAME.fullmatch(name) is not None and name in self._names
+
+    def add(self, kind: Kind, ending: str, data: bytes) -> str:
+        """Store a file that has been looked at by a child process; returns its name.
+
+        Raises: FileError, SpecError or another MirrorError for one of another kind, too large, or that cannot be read.
+        """
+        check(kind, ending, len(data))
+        name = hashlib.sha256(data).hexdigest()[:24] + ending
+        path = self.folder / name
+        with self._lock:
+            if name in self._names:
+                return name
+            path.write_bytes(data)
+        try:
+            self._look_at(kind, path)
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
+        with self._lock:
+            self._names.append(name)
+            for old in self._names[:-MOST_FILES]:
+                for left in self.folder.glob(f"{old}*"):
+                    left.unlink(missing_ok=True)
+            del self._names[:-MOST_FILES]
+        return name
+
+    def reflector(self, name: str) -> Reflector:
+        """An uploaded reflector. Raises: SpecError where there is none of that name."""
+        if not self.has(name):
+            raise SpecError(f"no mirror {name[:60]!r} has been brought in: bring it in again")
+        return _unpickled(self.folder / f"{name}.read")
+
+    def _look_at(self, kind: Kind, path: Path) -> None:
+        """Read the file once in a child with limits on its time and memory: a hostile file ends the child alone."""
+        command = [sys.executable, "-m", "mirror_studio.web.reading", kind, str(path)]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=READING_SECONDS, check=False, stdin=subprocess.DEVNULL)
+        except subprocess.TimeoutExpired:
+            raise FileError(f"the file takes more than {READING_SECONDS} s to read: simplify it") from None
+        try:
+            faults = json.loads(done.stdout.splitlines()[-1])["faults"]
+        except (IndexError, ValueError, KeyError, TypeError):
+            raise FileError("the file cannot be read: its reader ran out of time or memory, or broke down on it") from None
+        if faults:
+            raise SpecError([text.replace(f"{path.parent}/", "").replace(path.name, "the file") for text in faults])
+
+
+@lru_cache(maxsize=4)
+def _unpickled(path: Path) -> Reflector:
+    # Written by our own child into our own folder.
+    reflector: Reflector = pickle.loads(path.read_bytes())
+    return reflector
+
+
+def check(kind: Kind, ending: str, size: int) -> None:
+    """Raise FileError for an ending or a size that this kind of file may not have."""
+    limit = LIMITS[kind]
+    if ending not in limit.endings:
+        given = ending[:12] or "a file without ending"
+        raise FileError(f"a {kind} is read from {', '.join(limit.endings)}, not from {given!r}")
+    if size > limit.largest:
+        raise FileError(f"the file has {size / 1e6:.1f} MB; a {kind} may have {limit.largest / 1e6:g} MB")
+
+
+def in_folder(uploads: Uploads, ending: str, data: bytes, read: Callable[[Path], Any]) -> Any:
+    """What `read` makes of a file with this content, which is removed again."""
+    with tempfile.NamedTemporaryFile(dir=uploads.folder, suffix=ending) as stream:
+        stream.write(data)
+        stream.flush()
+        return read(Path(stream.name))
