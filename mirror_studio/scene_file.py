@@ -208,9 +208,13 @@ class SceneFile(Listed):
         if count > MOST_OBJECTS:
             faults.append(f"{count} bodies are too many (at most {MOST_OBJECTS})")
         names = [each.name for each in self.vehicle]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        every = names + [each.name for each in self.object if each.name]
+        twice = sorted({name for name in every if every.count(name) > 1})
         if twice:
-            faults.append(f"two vehicles are called {twice[0]!r}: each needs a name of its own")
+            faults.append(f"two things are called {twice[0]!r}: each vehicle and object needs a name of its own")
+        faults += [f"object {each.name!r} stands there {each.count} times: only one that stands alone can have a name"
+                   for each in self.object if each.name and each.count > 1]
+        faults += self._impossible()
         for key, named in (("vehicle", names), ("column", [each.name for each in self.object if each.name])):
             asked = getattr(self.measured, key)
             if asked is not None and asked not in named:
@@ -219,6 +223,26 @@ class SceneFile(Listed):
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+
+    def _impossible(self) -> list[str]:
+        """What no vehicle on a road can be."""
+        mirror, own, side = self.mirror, self.own_vehicle, -1.0 if self.mirror.hand == "left" else 1.0
+        where, lane = mirror.centre_m, self.measured.lane_m
+        faults = [f"{key} = {value:g} m is not above the ground" for key, value in (
+            ("eyes.middle_m, Z", self.eyes.middle_m[2]), ("mirror.centre_m, Z", where[2])) if value <= 0.0]
+        if own.front_m >= own.rear_m:
+            faults.append(f"own_vehicle.front_m = {own.front_m:g} must lie before rear_m = {own.rear_m:g}: X points rearward")
+        if side * where[1] <= 0.0:
+            faults.append(f"mirror.centre_m has Y = {where[1]:g} m, which is not on the {mirror.hand} (Y points to the right): "
+                          "turn its sign, and those of measured.lane_m and line_y_m")
+        elif side * where[1] <= 0.5 * own.width_m and own.front_m < where[0] < own.rear_m:
+            faults.append(f"mirror.centre_m = [{where[0]:g}, {where[1]:g}, {where[2]:g}] is inside the vehicle, which is "
+                          f"{own.width_m:g} m wide from X = {own.front_m:g} to {own.rear_m:g} m")
+        elif side * (lane[0] + lane[1]) <= 0.0:
+            faults.append(f"measured.lane_m = [{lane[0]:g}, {lane[1]:g}] is not beside the vehicle on the mirror's side, the "
+                          f"{mirror.hand}: Y points to the right")
+        return faults
 
 
 def scene_names() -> list[str]:

@@ -64,7 +64,7 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
         raise TraceError(f"aim: the mirror has no surface at x = {x_max - wanted.flank * (x_max - x_min):.1f} or "
                          f"{0.5 * (x_min + x_max):.1f}, y = {y:.1f} mm, where flank_share = {wanted.flank:g} and "
                          f"horizon_share = {wanted.horizon:g} lie")
-
+    _refuse_eye(pose, eye, places[1], 0.5 * max(x_max - x_min, y_max - y_min))
 
     def off(turn: Array) -> Array:
         turned = replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
@@ -91,6 +91,18 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
     raise TraceError(f"aim: no yaw and pitch shows the own flank on {100 * wanted.flank:g} % of the width with the horizon at "
                      f"{100 * wanted.horizon:g} % of the height: the search ended at yaw {np.degrees(turn[0]):.1f}°, pitch "
                      f"{np.degrees(turn[1]):.1f}°. Check the eye's place, the mirror's centre, hand and the vehicle's width")
+
+
+def _refuse_eye(pose: Pose, eye: Array, place: Array, half_size: float) -> None:
+    """Refuse an eye in the mirror, and one that is ahead of it, to which it cannot show what lies behind."""
+    back = eye - replace(pose, yaw=0.0, pitch=0.0).to_vehicle(place)
+    apart = float(np.linalg.norm(back))
+    if apart < half_size:
+        raise TraceError(f"aim: the eye is inside the mirror or touches it, {apart:.0f} mm from its middle: check the eye's "
+                         "place and the mirror's centre")
+    if back[0] <= 0.0:
+        raise TraceError(f"aim: the eye is {-back[0]:.0f} mm ahead of the mirror, which can then show it nothing that lies "
+                         "behind: the mirror's centre must be ahead of the eyes (a smaller X)")
 
 
 def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> Aim:

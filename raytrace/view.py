@@ -25,6 +25,7 @@ LONGEST_STEP = 0.25  # of the mirror's width
 START_GRID = 33
 BEYOND = 0.1  # of the box, on every side: what Newton may start from beside the mirror
 STARTS_AT_ONCE = 4_000  # targets: 35 MB of distances to all starts
+THICKNESS = 10.0  # mm behind the face that count as inside the mirror
 EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
 
 
@@ -59,7 +60,8 @@ class View:
         if not self.eye_in_mirror[2] > max(highest, 0.0) + EYE_CLEARANCE:
             x, y, z = self.eye_in_mirror
             box = self.box
-            inside = box[0] < x < box[1] and box[2] < y < box[3] and z > self.reflector.outline()[:, 2].min()
+            lowest = float(self.reflector.outline()[:, 2].min()) - THICKNESS
+            inside = box[0] < x < box[1] and box[2] < y < box[3] and z > lowest
             what = "is inside the mirror" if inside else "is behind the face of the mirror, which is turned away from it"
             raise TraceError(f"the eye {what}: in mirror coordinates it is at ({x:.0f}, {y:.0f}, {z:.0f}) mm, and z must be "
                              f"above {max(highest, 0.0):.0f} mm: check the eye's place, the mirror's centre, yaw and pitch")

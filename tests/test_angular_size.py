@@ -96,7 +96,7 @@ def test_a_vehicle_that_is_not_wholly_shown_has_no_size_in_the_mirror() -> None:
     behind = replace(CAR, y_mm=0.0)  # in the own lane: hidden by the own vehicle, in part
     assert shown(behind).mirror is not None
     assert shown(behind, OWN).mirror is None
-    assert shown(behind, OWN).flat is not None
+    assert shown(behind, OWN).flat is None  # nor would a flat mirror show its middle
     far_out = shown(replace(CAR, y_mm=-40_000.0))  # outside the field
     assert far_out.mirror is None
     assert shown(replace(CAR, y_mm=-16_500.0)).mirror is None  # its outer side is

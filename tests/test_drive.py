@@ -100,9 +100,9 @@ def driven(folder: Path) -> Path:
 
 def test_the_set_holds_pictures_measures_drawings_and_a_sheet(driven: Path) -> None:
     names = {path.name for path in driven.iterdir()}
-    assert names == {"progressive-c.png", "flat.png", "maps.png", "lines.png", "plan.png", "turned.png", "measures.json",
-                     "measures.csv", "index.html", "manifest.json"}
-    assert Image.open(driven / "progressive-c.png").size == (1280, 720)
+    assert names == {"progressive-c-eyes.png", "flat-eyes.png", "maps.png", "lines.png", "plan.png", "turned.png",
+                     "measures.json", "measures.csv", "index.html", "manifest.json"}
+    assert Image.open(driven / "progressive-c-eyes.png").size == (1280, 720)
     page = (driven / "index.html").read_text("utf-8")
     assert "http" not in page
     for name in names - {"index.html", "manifest.json"}:
@@ -182,7 +182,8 @@ def test_a_picture_shows_things_where_the_measures_have_them(scene: SceneFile, w
 def test_the_right_hand_mirror_of_the_reflected_scene_shows_the_reflected_picture(folder: Path) -> None:
     """All but the ground's own noise, which is not symmetric: mean colours of the whole picture agree to some values."""
     other = ROAD.replace("y_m = -", "y_m = ").replace("left_m = -9.6", "left_m = -4.6") \
-        .replace("right_m = 4.6", "right_m = 9.6") + "[eyes]\nmiddle_m = [0.0, 0.49, 1.9]\n" \
+        .replace("right_m = 4.6", "right_m = 9.6").replace("[measured]", "[measured]\nlane_m = [1.75, 5.25]") \
+        + "[eyes]\nmiddle_m = [0.0, 0.49, 1.9]\n" \
         + "[mirror]\nhand = \"right\"\ncentre_m = [-0.54, 1.01, 1.76]\n" \
         + "[light]\nazimuth_deg = 35.0\n"
     (folder / "mirrored.toml").write_text(other, encoding="utf-8")
@@ -218,8 +219,15 @@ def test_the_photographed_lane_lies_on_the_plane_where_geometry_has_it(scene: Sc
     (('body = "box.glb"\nx_m = 12.0', 'body = "saloom"\nx_m = 12.0'), "body = 'saloom': no such body; the package has"),
     (('[aim]\nflank_share = 0.12\nhorizon_share = 0.6', "[mirror]\nyaw_deg = -75.0\npitch_deg = -60.0"),
      "behind the face of the mirror, which is turned away from it"),
-    (('[aim]\n', "[mirror]\ncentre_m = [0.0, -0.49, 1.9]\n[aim]\n"), "aim: no yaw and pitch"),
-    (('[own_vehicle]\n', "[own_vehicle]\nrear_m = -3.0\n"), "aim: no yaw and pitch"),
+    (('[own_vehicle]\n', "[mirror]\ncentre_m = [0.0, -0.49, 1.9]\n[own_vehicle]\nwidth_m = 0.5\n"),
+     "sphere-950: aim: the eye is inside the mirror"),
+    (('[own_vehicle]\n', "[own_vehicle]\nfront_m = -9.0\nrear_m = -3.0\nwidth_m = 1.0\n"), "sphere-950: aim: no yaw and pitch"),
+    (('[own_vehicle]\n', "[own_vehicle]\nrear_m = -3.0\n"), "own_vehicle.front_m = -0.2 must lie before rear_m = -3"),
+    (('[aim]\n', "[mirror]\nhand = \"right\"\n[aim]\n"), r"centre_m has Y = -1.01 m, which is not on the right"),
+    (('[aim]\n', "[mirror]\ncentre_m = [-0.54, -1.01, -1.0]\n[aim]\n"), "mirror.centre_m, Z = -1 m is not above the ground"),
+    (('[aim]\n', "[mirror]\ncentre_m = [1.0, -1.01, 1.7]\n[aim]\n"), r"aim: the eye is \d+ mm ahead of the mirror"),
+    (('name = "post"', 'name = "box"'), "two things are called 'box'"),
+    (('name = "post"', 'name = "post"\ncount = 3'), "'post' stands there 3 times"),
 ])
 def test_a_scene_that_cannot_be_is_refused_and_nothing_is_written(folder: Path, tmp_path: Path, change: tuple[str, str],
                                                                   message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -235,7 +243,7 @@ def test_a_scene_that_cannot_be_is_refused_and_nothing_is_written(folder: Path, 
 def test_a_body_without_paint_a_broken_one_and_two_mirrors_of_one_name_are_refused(tmp_path: Path, scene: SceneFile) -> None:
     box_glb(tmp_path / "box.glb", paint="steel")
     (tmp_path / "bad.toml").write_text(ROAD, encoding="utf-8")
-    with pytest.raises(MirrorError, match="no material is named 'paint'"):
+    with pytest.raises(MirrorError, match="vehicle 'box': no material is named 'paint'"):
         World(load_scene(tmp_path / "bad.toml"))
     (tmp_path / "box.glb").write_bytes(b"glTF not really")
     with pytest.raises(MirrorError, match=r"box\.glb"):

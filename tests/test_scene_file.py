@@ -64,6 +64,15 @@ def test_what_a_scene_may_not_say_is_named(tmp_path: Path, text: str, message: s
         read(tmp_path, text)
 
 
+def test_an_eye_under_the_ground_and_a_mirror_in_the_vehicle_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="eyes.middle_m, Z = -1 m is not above the ground"):
+        read(tmp_path, "[eyes]\nmiddle_m = [0.0, -0.5, -1.0]")
+    with pytest.raises(SpecError, match="is inside the vehicle"):
+        read(tmp_path, "[own_vehicle]\nwidth_m = 8.0\nfront_m = -2.0")
+    with pytest.raises(SpecError, match="is not beside the vehicle on the mirror's side"):
+        read(tmp_path, "[measured]\nlane_m = [1.75, 5.25]")
+
+
 def test_a_scene_that_is_not_there_is_named_beside_those_that_are() -> None:
     with pytest.raises(SpecError, match="did you mean the scene 'motorway'"):
         load_scene("motorwy")

@@ -53,7 +53,7 @@ class Subject:
     """What a scene's measures are of, mm: the lane beside, its line, the fronts of one vehicle at some distances, a column."""
 
     lane: NearLane
-    line_y: float
+    line_y: float | None
     face: Face | None
     distances: tuple[float, ...]
     column: tuple[float, float, float] | None
@@ -101,7 +101,8 @@ def subject_of(scene: SceneFile, bodies: Mapping[str, Body]) -> Subject:
     if asked.column is not None:
         low, high = _box(bodies[asked.column])
         upright = (float(0.5 * (low[0] + high[0])), float(0.5 * (low[1] + high[1])), float(high[2]))
-    return Subject(NearLane(MM * asked.lane_m[0], MM * asked.lane_m[1]), MM * asked.line_y_m, face,
+    line_y = MM * asked.line_y_m if scene.road is not None else None  # without a road there is no line on it
+    return Subject(NearLane(MM * asked.lane_m[0], MM * asked.lane_m[1]), line_y, face,
                    tuple(MM * one for one in asked.distances_m), upright, tuple(MM * one for one in asked.widths_at_m),
                    math.radians(asked.direct_view_deg), MM * asked.hidden_height_m)
 
@@ -110,13 +111,14 @@ def measure(mirror: DrivenMirror, subject: Subject) -> Measured:
     """All measures of a mirror."""
     views, own = mirror.views, mirror.own
     middle, left, right = views.middle, views.left, views.right
+    line = None if subject.line_y is None else road_line(subject.line_y)
     blind = tuple(blind_zone(left, right, own, subject.lane, height, subject.direct_view)
                   for height in (0.0, subject.hidden_height))
     return Measured(
         mirror, subject, mirror.shown(), horizon_margin(middle, own), magnification_map(middle), disparity(views),
         eye_fields(views, own), grid_distortion(middle),
         angular_sizes(middle, subject.face, subject.distances, own) if subject.face else (),
-        line_bow(middle, road_line(subject.line_y), own), road_straightness(middle, road_line(subject.line_y), own),
+        line_bow(middle, line, own) if line else None, road_straightness(middle, line, own) if line else None,
         plane_straightness(mirror),
         column_tilt(middle, column(*subject.column), own) if subject.column else None,
         seen_ground(left, right, own), seen_widths(left, right, own, subject.widths_at), nearest_at_flank(left, right, own),
@@ -126,7 +128,8 @@ def measure(mirror: DrivenMirror, subject: Subject) -> Measured:
 
 def plane_straightness(mirror: DrivenMirror) -> float | None:
     """The paper's lane straightness, percent: of the lane on the reference plane, with the eye where the mirror's
-    specification has it and the mirror not turned. None for a mirror that is no single sheet z(x, y)."""
+    specification has it and the mirror not turned. None for a mirror that is no single sheet z(x, y), and for one in which
+    the lane does not cross both edges."""
     only, glass = mirror.whole.only, mirror.whole.glass
     if only is None or only.height_field is None or (glass is not None and not isinstance(glass.front, TrimmedSurface)):
         return None

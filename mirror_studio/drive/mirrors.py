@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,15 +12,18 @@ from mirror_cad.errors import SpecError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec
-from mirror_studio.drive.world import eyes_of, own_vehicle_of, pose_of
+from mirror_studio.drive.world import MM, eyes_of, own_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.aim import Aim, aimed, shown_aim
 from raytrace.bezel import under_bezel
+from raytrace.errors import TraceError
 from raytrace.measures.eye_views import EyeViews
 from raytrace.pose import Pose
 from raytrace.reflector import Reflector, load_reflector
 from raytrace.vehicle import Eyes, OwnVehicle
+from raytrace.view import box_of
 
+SMALLEST_MM, LARGEST_MM = 10.0, 1e4  # across: what a mirror on a vehicle can be
 FILES = (".step", ".stp", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
 
 
@@ -64,7 +68,22 @@ def driven_mirror(name_or_path: str, scene: SceneFile) -> DrivenMirror:
     else:
         spec = load_spec(name_or_path)
         name, reflector = spec.name, exported(spec)
-    return on_vehicle(name, reflector, scene, spec)
+    try:
+        if reflector.mesh is not None:
+            _refuse_metres(reflector)
+        return on_vehicle(name, reflector, scene, spec)
+    except TraceError as error:
+        raise TraceError(f"{name}: {error}") from None
+
+
+def _refuse_metres(reflector: Reflector) -> None:
+    """A mesh has no unit of its own: what is no size of a mirror was most likely written in another one than mm."""
+    x_min, x_max, y_min, y_max = box_of(reflector)
+    size = max(x_max - x_min, y_max - y_min)
+    if not SMALLEST_MM <= size <= LARGEST_MM:
+        unit = "metres" if size < SMALLEST_MM else "µm"
+        raise TraceError(f"the mesh is {size:.3g} mm across as the driver looks at it, a mirror has {SMALLEST_MM:g} to "
+                         f"{LARGEST_MM:g} mm: was it written in {unit}? Mirror files are in mm")
 
 
 def exported(spec: MirrorSpec) -> Reflector:
@@ -78,7 +97,7 @@ def exported(spec: MirrorSpec) -> Reflector:
 
 def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:
     """A reflector under the scene's bezel, aimed as the scene says."""
-    reflector = under_bezel(whole, 1000.0 * scene.mirror.bezel_over_m)
+    reflector = under_bezel(whole, MM * scene.mirror.bezel_over_m)
     eyes, own, pose = eyes_of(scene), own_vehicle_of(scene), pose_of(scene)
     if scene.mirror.yaw_deg is None:
         wanted = scene.aim or AimSection()
@@ -89,8 +108,11 @@ def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec |
 
 
 def named_apart(mirrors: list[DrivenMirror]) -> None:
-    """Raise SpecError where two mirrors would write the same files."""
+    """Raise SpecError where two mirrors would write the same files, or one no file of its name."""
     names = [mirror.name for mirror in mirrors]
     for name in names:
+        if not re.fullmatch(r"[\w.-][\w. -]{0,63}", name):
+            raise SpecError(f"a mirror's file is called {name!r}: rename it, its name names other files; letters, digits, '.', "
+                            "'_', '-' and blanks serve")
         if names.count(name) > 1:
             raise SpecError(f"two of the mirrors are called {name!r}: rename one, its name names its files")

@@ -16,7 +16,7 @@ from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
 from mirror_studio.drive.pictures import World, both_eyes
 from mirror_studio.drive.plan import ground_plans
 from mirror_studio.drive.sensitivity import sensitivity
-from mirror_studio.drive.sheet import write_sheet
+from mirror_studio.drive.sheet import picture_name, write_sheet
 from mirror_studio.drive.table import write_csv
 from mirror_studio.drive.world import MM
 from mirror_studio.folder import MANIFEST, new_set
@@ -25,6 +25,8 @@ from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
 
 Array = NDArray[np.float64]
+
+FLAT_MM = 1.0  # in plan: a line
 
 
 def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress) -> dict[str, Any]:
@@ -46,7 +48,7 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
         for mirror in mirrors:
             progress.step(f"{mirror.name}: what both eyes see")
             picture, rays[mirror.name] = both_eyes(mirror, world, progress.share)
-            write_png(folder / f"{mirror.name}.png", picture)
+            write_png(folder / picture_name(mirror.name), picture)
             progress.step(f"{mirror.name}: measures")
             measured.append(measure(mirror, subject))
             progress.step(f"{mirror.name}: sensitivity")
@@ -79,5 +81,8 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
 
 def _footprint(vertices: Array) -> Array:
     flat = vertices[:, :2]
+    (x0, y0), (x1, y1) = flat.min(axis=0), flat.max(axis=0)
+    if min(x1 - x0, y1 - y0) < FLAT_MM:  # it has no hull
+        return np.array([[x0, y0], [x1, y1]])
     corners: Array = flat[ConvexHull(flat).vertices]
     return corners

@@ -9,17 +9,22 @@ from typing import Any
 from mirror_studio.drive.measured import Measured
 from mirror_studio.drive.table import cells, rows_of
 from mirror_studio.report.text import fixed, law_in_short, plain, templates
-from mirror_studio.scene_file import SceneFile
+from mirror_studio.scene_file import AimSection, SceneFile
 
 SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "own flank, of width", 3),
              ("horizon_share", "horizon, of height", 3), ("width_at_20_m", "ground seen at 20 m, m", 2),
              ("blind_length_m", "lane beside in no view, m", 2))
 
 
+def picture_name(mirror: str) -> str:
+    """The file of what both eyes see in a mirror."""
+    return f"{mirror}-eyes.png"
+
+
 def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]]) -> None:
     """Write index.html, which shows the pictures and drawings beside it."""
     groups = [(group, [(row, cells(row, figures)) for row in rows]) for group, rows in rows_of(figures[0])]
-    mirrors = [{"name": each.mirror.name, "picture": f"{each.mirror.name}.png", "caption": _caption(each, one),
+    mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
                 "sensitivity": [(name, [fixed(values[key], decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
@@ -53,10 +58,10 @@ def _lead(scene: SceneFile) -> str:
 
 def _facts(scene: SceneFile) -> list[tuple[str, str]]:
     eyes, mirror, light = scene.eyes, scene.mirror, scene.light
-    aim = scene.aim
+    aim = scene.aim or AimSection()
     posed = (f"yaw {plain(mirror.yaw_deg)}°, pitch {plain(mirror.pitch_deg or 0.0)}°" if mirror.yaw_deg is not None else
-             f"aimed from between the eyes: own flank on {plain(100 * (aim.flank_share if aim else 0.12))} % of the width, "
-             f"horizon at {plain(100 * (aim.horizon_share if aim else 0.6))} % of the height")
+             f"aimed from between the eyes: own flank on {plain(100 * aim.flank_share)} % of the width, "
+             f"horizon at {plain(100 * aim.horizon_share)} % of the height")
     return [
         ("Coordinates", "X rearward from the ocular points, Y to the right from the vehicle's median plane, Z up from the "
                         "ground"),

@@ -143,5 +143,7 @@ def write_csv(path: Path, names: Sequence[str], figures: Sequence[Mapping[str, A
 
 
 def cells(row: Row, figures: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A row's values, to the decimals that it has."""
-    return [fixed(row.of(each), row.decimals) for each in figures]
+    """A row's values, to the decimals that it has; "≥" before what goes on where looking ends."""
+    zone = row.path.startswith("blind_zone.at.")
+    return [("≥ " if zone and each["blind_zone"]["at"][int(row.path.split(".")[2])]["endless"] else "")
+            + fixed(row.of(each), row.decimals) for each in figures]

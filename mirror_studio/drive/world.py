@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.errors import MirrorError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_studio.scene_file import BodySection, SceneFile
 from raytrace.errors import SceneError
@@ -48,7 +49,7 @@ def pose_of(scene: SceneFile) -> Pose:
 def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
     """All that stands on the ground, the driver's own vehicle first; each with its name, "" for what has none.
 
-    Raises: SceneError, FileError for a body that cannot be had, with its place in the scene.
+    Raises: SceneError for a body that cannot be had, with its place in the scene.
     """
     known: dict[tuple[str, str | None, str], Body] = {}
 
@@ -57,18 +58,24 @@ def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
             known[name, unit, up] = read_body(_path(name), unit, up)
         return known[name, unit, up]
 
-    found = []
-    if scene.own_vehicle.body != "none":
-        own = body(scene.own_vehicle.body).placed(MM * np.array([scene.own_vehicle.front_m, 0.0, 0.0]))
-        found.append(("", own if scene.own_vehicle.paint is None else own.painted(_colour(scene.own_vehicle.paint))))
-    for vehicle in scene.vehicle:
-        made = body(vehicle.body, vehicle.unit, vehicle.up)
-        if vehicle.paint is not None:
-            made = made.painted(_colour(vehicle.paint))
-        found.append((vehicle.name, _placed(made, vehicle)))
-    for thing in scene.object:
-        made = body(thing.body, thing.unit, thing.up)
-        found += [(thing.name or "", _placed(made, thing, k * thing.every_m)) for k in range(thing.count)]
+    def painted(made: Body, paint: str | None) -> Body:
+        return made if paint is None else made.painted(_colour(paint))
+
+    found, where = [], "own_vehicle"
+    try:
+        if scene.own_vehicle.body != "none":
+            own = body(scene.own_vehicle.body).placed(MM * np.array([scene.own_vehicle.front_m, 0.0, 0.0]))
+            found.append(("", painted(own, scene.own_vehicle.paint)))
+        for vehicle in scene.vehicle:
+            where = f"vehicle {vehicle.name!r}"
+            made = painted(body(vehicle.body, vehicle.unit, vehicle.up), vehicle.paint)
+            found.append((vehicle.name, _placed(made, vehicle)))
+        for number, thing in enumerate(scene.object):
+            where = f"object {thing.name!r}" if thing.name else f"object.{number}"
+            made = body(thing.body, thing.unit, thing.up)
+            found += [(thing.name or "", _placed(made, thing, k * thing.every_m)) for k in range(thing.count)]
+    except MirrorError as error:
+        raise SceneError(f"{scene.name}: {where}: {error}") from None
     return tuple(found)
 
 

@@ -70,7 +70,7 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
         middle = 9 * k + 4
         mirror = _size(seen[these]) if shown[these].all() else None
         flat = None
-        if sight.seen[middle]:
+        if shown[middle]:
             # What a flat mirror shows is seen as from the eye's own image in it.
             normal = sight.directions[middle] - seen[middle]
             normal /= np.linalg.norm(normal)

@@ -98,7 +98,7 @@ def read_body(path: str | Path, unit: str | None = None, up: Up = "z") -> Body:
     if unit is not None and unit not in MM_PER_UNIT:
         raise SceneError(f"{path}: unit {unit!r} is none of {', '.join(MM_PER_UNIT)}")
     if not path.is_file():
-        raise FileError(f"{path}: cannot be read: No such file or directory")
+        raise FileError(f"{path}: cannot be read: {'a folder, no file' if path.is_dir() else 'no such file'}")
     ground: dict[str, Any] | None = None
     if kind in GLTF_KINDS:
         if unit not in (None, "m"):

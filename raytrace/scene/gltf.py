@@ -71,7 +71,10 @@ def read_gltf(path: Path, load_picture: Callable[[bytes, str], NDArray[np.uint8]
 
 
 def _opened(path: Path) -> _File:
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from None
     binary = b""
     if data[:4] == b"glTF":
         version, length = (int(v) for v in np.frombuffer(data[4:12].ljust(8, b"\0"), dtype="<u4"))
@@ -88,9 +91,10 @@ def _opened(path: Path) -> _File:
         data, binary = chunks.get(b"JSON", b""), chunks.get(b"BIN\0", b"")
     try:
         tree = json.loads(data)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not a readable glTF file ({error})") from None
-    if not isinstance(tree, dict) or not str(tree.get("asset", {}).get("version", "")).startswith("2"):
+    asset = tree.get("asset") if isinstance(tree, dict) else None
+    if not isinstance(asset, dict) or not str(asset.get("version", "")).startswith("2"):
         raise FileError(f"{path}: not a glTF 2 file (asset.version)")
     return _File(path, tree, binary)
 
@@ -258,9 +262,11 @@ def decoded(data: bytes, name: str) -> NDArray[np.uint8]:
 
     Raises: FileError for bytes that are no such picture.
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=np.uint8)
+    except UnidentifiedImageError:
+        raise FileError(f"{name} is no picture in a format that is read") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise FileError(f"{name} cannot be read: {error}") from None

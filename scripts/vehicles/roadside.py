@@ -25,9 +25,11 @@ def _turned(profile: bd.Face) -> bd.Solid:
 
 def column(diameter: float = 600.0, height: float = 6000.0, taper: float = 30.0) -> list[Patch]:
     """A round column of concrete, thinner by taper at its top, on a base."""
-    r = 0.5 * diameter
-    base = polygon([(0, 0), (1.45 * r, 0), (1.45 * r, 180), (1.38 * r, 210), (0, 210)])
-    shaft = polygon([(0, 200), (r, 200), (r - 0.5 * taper, height - 25), (r - 0.5 * taper - 25, height), (0, height)])
+    r, top = 0.5 * diameter, 0.5 * (diameter - taper)
+    base = polygon([(r - 20, 0), (1.45 * r, 0), (1.45 * r, 180), (1.38 * r, 210), (r - 20, 210)])
+    # A node not far above the base, so that what it hides of the sky does not darken the whole shaft.
+    low = r - (r - top) * 270.0 / (height - 235.0)
+    shaft = polygon([(0, 210), (r, 210), (low, 480), (top, height - 25), (top - 25, height), (0, height)])
     return solid(_turned(base), "concrete", ROUND) + solid(_turned(shaft), "concrete", ROUND)
 
 
@@ -35,7 +37,7 @@ def lamp_post(height: float = 9000.0, reach: float = 1500.0) -> list[Patch]:
     """A steel post, its arm to the right and the lamp at its end."""
     bend = 700.0
     foot = _turned(polygon([(0, 0), (105, 0), (105, 900), (92, 930), (0, 930)]))
-    post = _turned(polygon([(0, 0), (90, 0), (46, height - bend), (0, height - bend)]))
+    post = _turned(polygon([(0, 930), (85, 930), (46, height - bend), (0, height - bend)]))
     arc = bd.Edge.make_three_point_arc((0, 0, height - bend), (0, 0.29 * bend, height - 0.29 * bend), (0, bend, height))
     path = bd.Wire([arc, bd.Edge.make_line((0, bend, height), (0, reach, height + 60.0))])
     arm = bd.sweep(bd.Pos(0, 0, height - bend) * bd.Circle(44.0), path=path, transition=bd.Transition.ROUND)

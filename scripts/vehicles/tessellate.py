@@ -279,4 +279,6 @@ def _joined(material: str, parts: list[Patch]) -> Patch:
     kept = first[order]
     faces = rank[index.reshape(-1)][faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    return Patch(material, points[kept], normals[kept], faces[whole], None if uv is None else uv[kept])
+    used, faces = np.unique(faces[whole], return_inverse=True)
+    kept = kept[used]
+    return Patch(material, points[kept], normals[kept], faces.reshape(-1, 3), None if uv is None else uv[kept])
