@@ -183,11 +183,11 @@ def section_fov_of_sine(sine: PiecewiseChebyshev, x_min: float, x_max: float, ey
 
 def rough_section_fov(x: Array, curvature: Array, level_mm: float, eye_distance_mm: float) -> float:
     """`section_fov` by the trapezoidal rule on equally spaced x (n,), n odd, from the first to the last; NaN where the
-    profile turns vertical."""
+    profile is steeper than STEEPEST_GAUSS, or vertical: the rule would lose it."""
     h, middle = x[1] - x[0], len(x) // 2
     sine = np.concatenate([[0.0], np.cumsum(0.5 * h * (curvature[1:] + curvature[:-1]))])
     sine -= np.interp(level_mm, x, sine)
-    if np.abs(sine).max() >= 1.0:
+    if np.abs(sine).max() > STEEPEST_GAUSS:
         return float("nan")
     tangent = sine / np.sqrt((1.0 - sine) * (1.0 + sine))
     fall = np.concatenate([[0.0], np.cumsum(0.5 * h * (tangent[1:] + tangent[:-1]))])
