@@ -37,14 +37,14 @@ class Grid:
 
     @staticmethod
     @lru_cache(maxsize=4)  # a design, its deviation and its plate look at one outline; an outline never changes
-    def over(outline: Outline) -> Grid:
+    def over(outline: Outline, cells: tuple[int, int] = GRID, edge_places: int = EDGE_PLACES) -> Grid:
         x_min, x_max, y_min, y_max = outline.bounding_box()
-        nx, ny = GRID
+        nx, ny = cells
         cells_x = x_min + (x_max - x_min) * (np.arange(nx) + 0.5) / nx
         cells_y = y_min + (y_max - y_min) * (np.arange(ny) + 0.5) / ny
         x, y = np.meshgrid(cells_x, cells_y, indexing="ij")
         inside = outline.contains(x, y)
-        edge = _edge_places(outline)
+        edge = _edge_places(outline, edge_places)
         weights = np.concatenate([np.ones(int(inside.sum())), np.zeros(len(edge))])
         arrays = (np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]), weights,
                   cells_x, cells_y, inside)
@@ -70,9 +70,9 @@ class Grid:
         return rectangle
 
 
-def _edge_places(outline: Outline) -> Array:
+def _edge_places(outline: Outline, places: int) -> Array:
     chords = [segment.point(np.linspace(0.0, 1.0, 17)) for segment in outline.segments]
     lengths = np.array([np.linalg.norm(np.diff(chord, axis=0), axis=1).sum() for chord in chords])
-    counts = np.ceil(EDGE_PLACES * lengths / lengths.sum()).astype(int) + 1
+    counts = np.ceil(places * lengths / lengths.sum()).astype(int) + 1
     parts = [segment.point(np.linspace(0.0, 1.0, n)) for segment, n in zip(outline.segments, counts, strict=True)]
     return np.concatenate(parts)

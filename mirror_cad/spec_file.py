@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -19,7 +20,12 @@ LARGEST_FILE = 10_000_000  # bytes: a specification is a page of text, a table o
 
 def preset_names() -> list[str]:
     """The names of the mirrors that come with the package."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _designs().iterdir() if entry.name.endswith(".toml"))
+    return names_in(_designs())
+
+
+def names_in(folder: Any) -> list[str]:
+    """What the TOML files of one of the package's folders are called."""
+    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
 def load_spec(name_or_path: str | Path) -> MirrorSpec:
@@ -39,7 +45,7 @@ def read_toml(name_or_path: str | Path, own: Any, kind: str) -> tuple[dict[str, 
     Raises: SpecError for a file that is missing, too large, no text or no TOML; `kind` says what the package's files are.
     """
     path = Path(name_or_path)
-    names = sorted(entry.name.removesuffix(".toml") for entry in own.iterdir() if entry.name.endswith(".toml"))
+    names = names_in(own)
     if str(name_or_path) in names:
         text, source, folder = (own / f"{name_or_path}.toml").read_text("utf-8"), str(name_or_path), Path(".")
     else:
@@ -59,6 +65,20 @@ def validate_spec(raw: dict[str, Any], source: str = "specification", folder: Pa
     except ValidationError as error:
         details = error.errors(include_url=False)
         raise SpecError([f"{source}: {sentence(detail, raw, MirrorSpec)}" for detail in details]) from None
+
+
+def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
+    """A specification as JSON holds it: without what was left out, and with an infinite radius as the text "inf"."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(item) for item in value]
+        return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+    content: dict[str, Any] = plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
+    return content
 
 
 def _designs() -> Any:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec_file import load_spec, spec_as_json
 from mirror_studio.folder import MANIFEST, new_set
-from mirror_studio.pipeline import Built, build_into, hashes, spec_as_json, versions, write_json
+from mirror_studio.pipeline import Built, build_into, hashes, versions, write_json
 from mirror_studio.progress import Progress
 
 FIGURE_5 = ("sphere-1250", "sphere-1050", "sphere-950")

@@ -21,19 +21,21 @@ from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.outline_files import write_dxf
 from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_file import spec_as_json
 from mirror_studio import checks
 from mirror_studio.folder import MANIFEST, new_set
 from mirror_studio.methods import compare_methods, floor_of
 from mirror_studio.progress import Progress
 from mirror_studio.setting import Setting
+from raytrace.camera import Frame
 from raytrace.errors import TraceError
-from raytrace.image import Frame, driver_view
+from raytrace.image import driver_view
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
 from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.reflector import Colour, Normals, Reflector, TrimmedSurface, load_reflector, reflector_of
+from raytrace.reflector import Colour, Normals, Reflector, load_reflector, reflector_of
 from raytrace.scene.reference import Picture, load_picture
 from raytrace.trace import Status, reflect
 
@@ -91,7 +93,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     scene = setting.scene(picture, spec)
     frame = Frame.around(mirror.box, spec.view.width_px)
     reflector = reflector_of(step_file, spec.glass.index)
-    sheets = _sheets(reflector)
+    sheets = GlassSheets.before(reflector)
     view, rays = driver_view(reflector, eye, scene, frame, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
     section = mirror.section_fields_of_view()
@@ -161,7 +163,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
                 "traced": None, "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, box)},
             "rays": rays, "normals_from": "surface" if reflector.mesh is None else reflector.normals,
             "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
-        only, sheets = reflector.only, _sheets(reflector)
+        only, sheets = reflector.only, GlassSheets.before(reflector)
         if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
             metrics["lane_straightness_percent"]["traced"] = lane_straightness(
                 sheets or only.surface, eye, lane, box)
@@ -174,14 +176,6 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
 
 
 # --- glass --------------------------------------------------------------------------------------------------------
-
-
-def _sheets(reflector: Reflector) -> GlassSheets | None:
-    """Both sheets of a plate of B-splines that reflects from its back; None for another reflector."""
-    glass, back = reflector.glass, reflector.only
-    if glass is None or back is None or not isinstance(glass.front, TrimmedSurface):
-        return None
-    return GlassSheets.of(glass.front, back, glass.index)
 
 
 def _bare(reflector: Reflector) -> Reflector:
@@ -220,7 +214,7 @@ def _degrees(angle: float) -> float | None:
 
 def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float | None:
     """Angle between the first and the last ray reflected along the row y = 0 of the picture plane, degrees."""
-    from raytrace.image import rays_through
+    from raytrace.camera import rays_through
     from raytrace.measures.field_of_view import angle_between
 
     columns = np.linspace(0.0, frame.columns, 20_001)
@@ -282,19 +276,6 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
         "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
         "notes": list(mirror.notes),
     }
-
-
-def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
-    """A specification as JSON holds it: without what was left out, and with an infinite radius as the text "inf"."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(item) for key, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(item) for item in value]
-        return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-    return plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
 
 
 def versions() -> dict[str, str]:

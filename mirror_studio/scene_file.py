@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from mirror_cad.errors import SpecError
-from mirror_cad.spec_file import read_toml
+from mirror_cad.spec_file import names_in, read_toml
 from mirror_cad.spec_messages import sentence
 from mirror_cad.spec_section import Number, Section
 
@@ -247,7 +247,7 @@ class SceneFile(Listed):
 
 def scene_names() -> list[str]:
     """The names of the scenes that come with the package."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _scenes().iterdir() if entry.name.endswith(".toml"))
+    return names_in(_scenes())
 
 
 def load_scene(name_or_path: str | Path) -> SceneFile:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
@@ -77,16 +77,18 @@ def housing(reflector: Reflector) -> SurfaceMesh:
     return SurfaceMesh(np.concatenate([*rings, back[None]]), np.concatenate(faces).astype(np.int32))
 
 
-def _edge(reflector: Reflector) -> Array:
-    """AROUND points (n, 3) of the outline, counter-clockwise as the driver sees it."""
+def edge_loop(reflector: Reflector) -> Array:
+    """Points (n, 3) around what reflects: its outline where that is one loop, and else the hull of it in (x, y)."""
+    points = reflector.outline()
     if reflector.only is not None and len(reflector.only.loops) == 1:
-        loop = reflector.only.loops[0]
-        points = reflector.only.outline() if len(loop) else loop
-    else:
-        from scipy.spatial import ConvexHull
+        return points
+    hull: Array = points[ConvexHull(points[:, :2]).vertices]
+    return hull
 
-        points = reflector.outline()
-        points = points[ConvexHull(points[:, :2]).vertices]
+
+def _edge(reflector: Reflector) -> Array:
+    """AROUND points (n, 3) of the edge, counter-clockwise as the driver sees it."""
+    points = edge_loop(reflector)
     x, y = points[:, 0], points[:, 1]
     if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
         points = points[::-1]

@@ -29,7 +29,7 @@ from mirror_studio.report.probe import probe
 from mirror_studio.report.step_change import step_change
 from mirror_studio.report.uncertainty import uncertainty
 from mirror_studio.setting import Setting
-from raytrace.image import Frame
+from raytrace.camera import Frame
 from raytrace.measures.field_of_view import reflected_at
 from raytrace.measures.lane import lane_straightness
 from tests.conftest import constant, designed, spec_of

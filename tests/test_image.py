@@ -11,7 +11,8 @@ import mirror_cad
 import raytrace
 from mirror_studio.setting import Setting
 from raytrace import parallel
-from raytrace.image import Frame, driver_view
+from raytrace.camera import Frame
+from raytrace.image import driver_view
 from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
 from tests.conftest import constant, designed, spec_of
 

@@ -327,16 +327,16 @@ ROAD = Road(-9000.0, 2400.0, (LaneLine(1750.0), LaneLine(-1750.0, 120.0, "white"
 
 @given(st.floats(-1e5, 1e5), st.sampled_from(ROAD.lines), st.floats(-400.0, 400.0), st.floats(0.5, 9000.0),
        st.floats(0.5, 400.0))
-def test_lines_cover_what_64_by_64_points_a_ray_say(x: float, line: LaneLine, beside: float, half_x: float,
-                                                    half_y: float) -> None:
-    """Within one row or column of the points: 1/64 each way."""
+def test_lines_cover_what_64_by_256_points_a_ray_say(x: float, line: LaneLine, beside: float, half_x: float,
+                                                     half_y: float) -> None:
+    """Half a point is lost or won at each edge: two across, up to eight along 18 m of dashes, 1/64 either way."""
     y = line.y_mm + beside
-    inner = (np.arange(64) + 0.5) / 32.0 - 1.0
-    px, py = x + half_x * inner, y + half_y * inner
+    px = x + half_x * ((np.arange(256) + 0.5) / 128.0 - 1.0)
+    py = y + half_y * ((np.arange(64) + 0.5) / 32.0 - 1.0)
     expected = 0.0
     for other in ROAD.lines:
         across = np.abs(py - other.y_mm) <= 0.5 * other.width_mm
-        along = np.ones(64) if other.dash_mm is None else (px - other.start_mm) % other.period_mm < other.dash_mm
+        along = np.ones(256) if other.dash_mm is None else (px - other.start_mm) % other.period_mm < other.dash_mm
         expected += along.mean() * across.mean()
     found = ROAD.line_share(np.array([[x, y]]), np.array([[half_x, half_y]]))[0]
     assert found == pytest.approx(min(expected, 1.0), abs=2.1 / 64)

@@ -11,7 +11,8 @@ from PIL import Image
 from mirror_studio.drive.mirrors import DrivenMirror, on_vehicle
 from mirror_studio.drive.pictures import World, camera_at, cones_of, eye_picture
 from mirror_studio.scene_file import load_scene
-from raytrace.image import Camera, photograph
+from raytrace.camera import Camera
+from raytrace.image import photograph
 from raytrace.reflector import Reflector
 from raytrace.scene.driven import DrivenWorld
 from raytrace.view import View

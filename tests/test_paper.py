@@ -10,8 +10,9 @@ import pytest
 import mirror_cad
 import raytrace
 from mirror_studio.paper import PAPER, table_1
+from raytrace.camera import Frame, rays_through
 from raytrace.eye import eye_position
-from raytrace.image import Frame, driver_view, landing_points, rays_through
+from raytrace.image import driver_view, landing_points
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture

@@ -26,7 +26,8 @@ from mirror_studio.web.controls import GROUPS
 from mirror_studio.web.protocol import Look, StoppedError, WrongShapeError, pack, read_message, unpack
 from mirror_studio.web.turned import Turn, aimed
 from mirror_studio.web.uploads import NAME, Uploads
-from raytrace.image import Frame, driver_view
+from raytrace.camera import Frame
+from raytrace.image import driver_view
 from raytrace.measures.field_of_view import reflected_at
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import load_picture

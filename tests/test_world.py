@@ -9,8 +9,8 @@ import pytest
 
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
+from raytrace.camera import Frame, rays_through
 from raytrace.errors import SceneError
-from raytrace.image import Frame, rays_through
 from raytrace.scene.reference import BACKGROUND
 from raytrace.scene.world import AMBIENT, HORIZON, ZENITH, TriangleWorld
 

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirror_studio.drive.measured import Measured, turned_figures
+from raytrace.bezel import edge_loop
 from raytrace.reflector import Reflector
 
 Array = NDArray[np.float64]
@@ -22,18 +23,15 @@ INK, SOFT, FAINT = "#1d2329", "#5b6670", "#c6ccd1"
 LEFT_EYE, RIGHT_EYE = "#0072b2", "#d55e00"  # Okabe and Ito: told apart by all
 LANE, COLUMN, HORIZON = "#b58900", "#444c54", "#0072b2"
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#1d2329")
+STYLES: tuple[Any, ...] = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (7, 2, 1.5, 2)))
 DPI = 150
 SIZE, SMALL = 9.0, 7.5
 LEVELS = 9
 
 
 def outline_of(reflector: Reflector) -> Array:
-    """The mirror's edge in (x, y), closed, in the order that it is drawn in; mm."""
-    points = reflector.outline()[:, :2]
-    if reflector.only is None:
-        from scipy.spatial import ConvexHull
-
-        points = points[ConvexHull(points).vertices]
+    """The mirror's edge in (x, y), closed; mm."""
+    points = edge_loop(reflector)[:, :2]
     return np.concatenate([points, points[:1]])
 
 
@@ -51,7 +49,6 @@ def mirror_axes(axes: Axes, reflector: Reflector, title: str, labels: bool) -> N
         spine.set_visible(False)
     if labels:
         axes.set_xlabel("x, mm (driver's side →)", fontsize=SMALL, color=SOFT)
-        axes.set_ylabel("y, mm", fontsize=SMALL, color=SOFT)
 
 
 def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
@@ -77,8 +74,7 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
                 axes.clabel(lines, fontsize=6, fmt="%g")
             mirror_axes(axes, each.mirror.reflector, title if i == 0 else "", labels=i == len(mirrors) - 1)
             if j == 0:
-                axes.set_ylabel(f"{each.mirror.name}\ny, mm" if i == len(mirrors) - 1 else each.mirror.name, fontsize=SIZE,
-                                color=INK)
+                axes.set_ylabel(each.mirror.name, fontsize=SIZE, color=INK)
         if image is not None:
             bar = figure.colorbar(image, ax=grid[:, j], location="bottom", shrink=0.85, aspect=28, pad=0.01)
             bar.ax.tick_params(labelsize=SMALL, colors=SOFT)
@@ -95,8 +91,9 @@ def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
     for axes, each in zip(grid.ravel(), mirrors, strict=False):
         mirror_axes(axes, each.mirror.reflector, each.mirror.name, labels=axes is grid[-1, 0])
         found = each.grid
-        inside = _spread(found.shown)
-        places = np.where(inside[..., None], found.places, np.nan)
+        nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
+        # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
+        places = each.mirror.views.middle.whole.sight(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
         for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
             for line, angle in zip(lines, degrees, strict=True):
                 fifth = round(float(angle)) % 5 == 0
@@ -105,17 +102,17 @@ def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
         if horizon.size:
             axes.plot(*places[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
         if each.bow is not None:
-            axes.plot(*each.bow.image.places.T, color=LANE, linewidth=1.8, label="lane line")
-            ends = each.bow.image.places[[0, -1]]
-            axes.plot(*ends.T, color=LANE, linewidth=0.7, linestyle=(0, (4, 3)), label="its chord")
+            line = each.bow.image.on_mirror[:, :2]
+            axes.plot(*line.T, color=LANE, linewidth=1.8, label="lane line")
+            axes.plot(*line[[0, -1]].T, color=LANE, linewidth=0.7, linestyle=(0, (4, 3)), label="its chord")
         if each.tilt is not None:
-            axes.plot(*each.tilt.image.places.T, color=COLUMN, linewidth=2.2, label="column")
+            axes.plot(*each.tilt.image.on_mirror[:, :2].T, color=COLUMN, linewidth=2.2, label="column")
         edge = outline_of(each.mirror.reflector)
         axes.fill(np.concatenate([edge[:, 0], _around(axes)[:, 0]]), np.concatenate([edge[:, 1], _around(axes)[:, 1]]),
                   color="white", zorder=3, linewidth=0)
         axes.plot(edge[:, 0], edge[:, 1], color=INK, linewidth=1.2, zorder=4)
-        if axes is grid[0, 0]:
-            axes.legend(fontsize=SMALL, loc="lower left", frameon=False).set_zorder(5)
+    handles = {label: handle for axes in grid.ravel() for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
     save(figure, path)
 
 
@@ -164,14 +161,15 @@ def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
     figure = Figure(figsize=(11.0, 3.4), dpi=DPI, layout="constrained")
     grid: Any = figure.subplots(1, 2)
     for k, each in enumerate(mirrors):
-        colour = PALETTE[k % len(PALETTE)]
+        colour, style = PALETTE[k % len(PALETTE)], STYLES[k % len(STYLES)]  # mirrors alike lie on each other
         turned = turned_figures(each)
         yaw = np.array(turned["yaw_deg"])
         low, high = (np.array(turned[f"azimuth_{end}_deg"], dtype=np.float64) for end in ("from", "to"))
         grid[0].fill_between(yaw, low, high, color=colour, alpha=0.10, linewidth=0)
         for edge in (low, high):
-            grid[0].plot(yaw, edge, color=colour, linewidth=1.3, label=each.mirror.name if edge is low else None)
-        grid[1].plot(yaw, np.array(turned["blind_length_m"], dtype=np.float64), color=colour, linewidth=1.5)
+            grid[0].plot(yaw, edge, color=colour, linewidth=1.4, linestyle=style,
+                         label=each.mirror.name if edge is low else None)
+        grid[1].plot(yaw, np.array(turned["blind_length_m"], dtype=np.float64), color=colour, linewidth=1.6, linestyle=style)
     for axes, title in zip(grid, ("azimuths shown on the horizon's row, ° from straight rearward (+ to the right)",
                                   "length of the lane beside that is in no view, m"), strict=True):
         axes.set_title(title, fontsize=SIZE, color=INK, loc="left")

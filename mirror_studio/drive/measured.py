@@ -14,7 +14,6 @@ from mirror_cad.spec import Eye, SceneSpec
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
-from raytrace.aim import Aim
 from raytrace.errors import TraceError
 from raytrace.eye import eye_position
 from raytrace.measures.angular_size import AngularSize, Face, angular_sizes
@@ -39,7 +38,6 @@ from raytrace.measures.line_image import column, road_line
 from raytrace.measures.magnification import MagnificationMap, magnification_map
 from raytrace.measures.road_straightness import RoadStraightness, road_straightness
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
-from raytrace.reflector import TrimmedSurface
 from raytrace.scene.bodies import Body
 from raytrace.view import box_of
 
@@ -68,7 +66,6 @@ class Measured:
 
     mirror: DrivenMirror
     subject: Subject
-    aim: Aim
     margin: HorizonMargin
     magnification: MagnificationMap
     disparity: Disparity
@@ -115,7 +112,7 @@ def measure(mirror: DrivenMirror, subject: Subject) -> Measured:
     blind = tuple(blind_zone(left, right, own, subject.lane, height, subject.direct_view)
                   for height in (0.0, subject.hidden_height))
     return Measured(
-        mirror, subject, mirror.shown(), horizon_margin(middle, own), magnification_map(middle), disparity(views),
+        mirror, subject, horizon_margin(middle, own), magnification_map(middle), disparity(views),
         eye_fields(views, own), grid_distortion(middle),
         angular_sizes(middle, subject.face, subject.distances, own) if subject.face else (),
         line_bow(middle, line, own) if line else None, road_straightness(middle, line, own) if line else None,
@@ -130,15 +127,14 @@ def plane_straightness(mirror: DrivenMirror) -> float | None:
     """The paper's lane straightness, percent: of the lane on the reference plane, with the eye where the mirror's
     specification has it and the mirror not turned. None for a mirror that is no single sheet z(x, y), and for one in which
     the lane does not cross both edges."""
-    only, glass = mirror.whole.only, mirror.whole.glass
-    if only is None or only.height_field is None or (glass is not None and not isinstance(glass.front, TrimmedSurface)):
+    only, sheets = mirror.whole.only, GlassSheets.before(mirror.whole)
+    if only is None or only.height_field is None or (mirror.whole.glass is not None and sheets is None):
         return None
     box = box_of(mirror.whole)
     seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
     eye = eye_position(seat.distance_mm, seat.aligned, box)
     lane = StraightLane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, float(eye[2]) + scene.distance_mm)
-    sheets = only.surface if glass is None else GlassSheets.of(glass.front, only, glass.index)  # type: ignore[arg-type]
-    return lane_straightness(sheets, eye, lane, box)
+    return lane_straightness(sheets or only.surface, eye, lane, box)
 
 
 def main_figures(mirror: DrivenMirror, subject: Subject) -> dict[str, float | None]:
@@ -188,7 +184,7 @@ def figures(measured: Measured) -> dict[str, Any]:
 def _aim(measured: Measured) -> dict[str, Any]:
     pose, margin = measured.mirror.pose, measured.margin
     return {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch),
-            "flank_share": _number(measured.aim.flank), "horizon_share": _number(measured.aim.horizon),
+            "flank_share": _number(measured.margin.aim.flank), "horizon_share": _number(measured.margin.aim.horizon),
             "above_horizon_share": _number(margin.height), "above_horizon_deg": _number(math.degrees(margin.angle)),
             "horizon_whole": margin.whole}
 

@@ -12,7 +12,8 @@ from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import bodies_of, daylight_of, housing_body, road_of
 from mirror_studio.scene_file import SceneFile
 from raytrace.bezel import housing
-from raytrace.image import Camera, photograph
+from raytrace.camera import Camera
+from raytrace.image import photograph
 from raytrace.measures.magnification import mirror_grid, ray_differentials
 from raytrace.scene.bodies import Body
 from raytrace.scene.driven import Cones, DrivenWorld

@@ -20,6 +20,7 @@ from mirror_studio.scene_file import SceneFile
 Array = NDArray[np.float64]
 
 REACH_M = (-6.0, 42.0)  # along the road: beyond, what is seen only grows on
+CUT_M = 0.3  # longer pieces across the road are no edge of what is seen
 BOTH, BLIND = "#8fbfe0", "#e69f00"
 
 
@@ -44,6 +45,16 @@ def ground_plans(path: Path, mirrors: Sequence[Measured], scene: SceneFile, foot
     save(figure, path)
 
 
+def _without_cuts(outline: Array) -> Array:
+    """A closed outline (n, 2), broken where it runs across the road: there it only touches the next of its eye's outlines, or
+    the plan ends."""
+    closed = np.concatenate([outline, outline[:1]])
+    step = np.abs(np.diff(closed, axis=0))
+    cut = np.flatnonzero((step[:, 0] < 1e-6) & (step[:, 1] > CUT_M))
+    broken: Array = np.insert(closed, cut + 1, np.nan, axis=0)
+    return broken
+
+
 def _across(mirrors: Sequence[Measured]) -> tuple[float, float]:
     """Y, m: from the vehicle's other side to as far as there is room for."""
     left = mirrors[0].mirror.pose.hand == "left"
@@ -65,7 +76,7 @@ def _plan(axes: Axes, each: Measured, scene: SceneFile, footprints: Sequence[tup
         axes.add_patch(Polygon(outline / MM, facecolor=BOTH, alpha=0.75, linewidth=0, zorder=1))
     for seen, colour in ((each.ground.left, LEFT_EYE), (each.ground.right, RIGHT_EYE)):
         for outline in seen.outlines:
-            axes.add_patch(Polygon(outline / MM, fill=False, edgecolor=colour, linewidth=1.1, zorder=3))
+            axes.plot(*_without_cuts(outline / MM).T, color=colour, linewidth=1.1, zorder=3)
     for outline in each.blind[-1].outlines:
         axes.add_patch(Polygon(outline / MM, facecolor=BLIND, alpha=0.55, linewidth=0, zorder=2))
     own = each.mirror.own

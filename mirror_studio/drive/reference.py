@@ -14,8 +14,9 @@ from mirror_studio.folder import MANIFEST, new_set
 from mirror_studio.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
+from raytrace.camera import Camera
 from raytrace.eye import eye_position
-from raytrace.image import Camera, photograph
+from raytrace.image import photograph
 from raytrace.pose import STRAIGHT, Pose
 from raytrace.scene.driven import Cones, DrivenWorld
 from raytrace.scene.reference import Picture

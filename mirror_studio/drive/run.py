@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from mirror_cad.spec_file import spec_as_json
 from mirror_studio.drive import drawings
 from mirror_studio.drive.measured import Measured, figures, main_figures, measure, subject_of
 from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
@@ -20,7 +21,7 @@ from mirror_studio.drive.sheet import picture_name, write_sheet
 from mirror_studio.drive.table import write_csv
 from mirror_studio.drive.world import MM
 from mirror_studio.folder import MANIFEST, new_set
-from mirror_studio.pipeline import hashes, spec_as_json, versions, write_json, write_png
+from mirror_studio.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
 

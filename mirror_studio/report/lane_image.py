@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from mirror_cad.bspline import BSplineSurface
 from mirror_studio.report.tables import Table
-from raytrace.image import Frame
+from raytrace.camera import Frame
 from raytrace.measures.field_of_view import GlassSheets, towards
 from raytrace.measures.lane import StraightLane, lane_height
 

@@ -49,7 +49,7 @@ from mirror_studio.report.text import (
     with_unit,
 )
 from mirror_studio.setting import Setting
-from raytrace.image import Frame
+from raytrace.camera import Frame
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror

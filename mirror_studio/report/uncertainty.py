@@ -13,7 +13,6 @@ from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.differential import ShapeOperator, rms_norm, shape_operator_of_sag
 from mirror_cad.grid import EDGE_PLACES, GRID, Grid
 from mirror_cad.mirror import Mirror
-from mirror_cad.outline import Outline
 from mirror_cad.piecewise import PiecewiseChebyshev
 from mirror_cad.sections import SagDerivatives
 from mirror_studio.report.fields import QUANTITIES, DeviationFields, differences, percent_of
@@ -21,7 +20,7 @@ from mirror_studio.report.tables import Table
 
 Array = NDArray[np.float64]
 
-FINER = tuple(2 * n - 1 for n in GRID)  # cells: as near to twice as many as an odd number gets
+FINER = (2 * GRID[0] - 1, 2 * GRID[1] - 1)  # cells: as near to twice as many as an odd number gets
 FINER_EDGE_PLACES = 2 * EDGE_PLACES
 GAUSS_NODES = 32  # on each piece of the profile: exact for polynomials of degree 63, where the series have 24
 
@@ -63,7 +62,7 @@ def uncertainty(mirror: Mirror, deviation: CurvatureDeviation, surface: BSplineS
     """Of a deviation that was taken on `surface`, the optical face as read back (u = x, v = y)."""
     grid, curvature = deviation.grid, mirror.curvature
     rms = rms_norm(deviation.designed, grid.weights)
-    finer = _finer(mirror.outline)
+    finer = Grid.over(mirror.outline, FINER, FINER_EDGE_PLACES)
     largest = _largest(_shape(surface, finer), curvature, finer, rms, fields.unit)
     again = _shape(surface, grid)
     rounding = max(float(np.abs(a - b).max()) for a, b in zip(again, deviation.realised, strict=True))
@@ -74,22 +73,6 @@ def uncertainty(mirror: Mirror, deviation: CurvatureDeviation, surface: BSplineS
         (finer_inside, len(finer.x) - finer_inside),
         {key: (float(np.abs(fields.values[key]).max()), largest[key]) for key in QUANTITIES}, fields.unit, 1e3 * rounding,
         height_mm, percent)
-
-
-def _finer(outline: Outline) -> Grid:
-    x_min, x_max, y_min, y_max = outline.bounding_box()
-    nx, ny = FINER
-    cells_x = x_min + (x_max - x_min) * (np.arange(nx) + 0.5) / nx
-    cells_y = y_min + (y_max - y_min) * (np.arange(ny) + 0.5) / ny
-    x, y = np.meshgrid(cells_x, cells_y, indexing="ij")
-    inside = outline.contains(x, y)
-    lines = [segment.point(np.linspace(0.0, 1.0, 17)) for segment in outline.segments]
-    lengths = np.array([np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines])
-    counts = np.ceil(FINER_EDGE_PLACES * lengths / lengths.sum()).astype(int) + 1
-    edge = np.concatenate([segment.point(np.linspace(0.0, 1.0, n))
-                           for segment, n in zip(outline.segments, counts, strict=True)])
-    return Grid(np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]),
-                np.concatenate([np.ones(int(inside.sum())), np.zeros(len(edge))]), cells_x, cells_y, inside)
 
 
 def _shape(surface: BSplineSurface, grid: Grid) -> ShapeOperator:

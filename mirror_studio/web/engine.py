@@ -23,16 +23,17 @@ from mirror_cad.spec import MirrorSpec
 from mirror_studio.setting import Setting
 from mirror_studio.web.protocol import Look
 from mirror_studio.web.turned import Turn, aimed
-from raytrace.image import Frame, driver_view, landing_points
+from raytrace.camera import Frame
+from raytrace.image import driver_view
 from raytrace.measures.field_of_view import GlassSheets, reflected_at, traced_fields_of_view
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.magnification import ray_differentials
 from raytrace.pose import STRAIGHT, Pose
 from raytrace.reflector import TRIM_CHORD_MM, Glass, Reflector, TrimmedSurface
-from raytrace.scene.reference import Picture, load_picture
+from raytrace.scene.reference import Picture, landed, load_picture
 from raytrace.trace import Status, reflect
 from raytrace.trimming import Trimming
-from raytrace.view import View
+from raytrace.view import View, box_of
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -59,10 +60,7 @@ class Designed:
     @cached_property
     def sheets(self) -> GlassSheets | None:
         """Both sheets of a mirror that reflects from behind glass."""
-        glass, only = self.reflector.glass, self.reflector.only
-        if glass is None or only is None or not isinstance(glass.front, TrimmedSurface):
-            return None
-        return GlassSheets.of(glass.front, only, glass.index)
+        return GlassSheets.before(self.reflector)
 
     @cached_property
     def maps(self) -> dict[str, Array]:
@@ -249,10 +247,9 @@ def _own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
     """How the other reflector stands and its box, as `show` says. Raises: TraceError where the eye's ray misses it."""
     from raytrace.errors import TraceError
 
-    points = own.outline()
-    (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
-    centre = np.array([0.5 * (x_min + x_max), 0.5 * (y_min + y_max)])
-    above = np.array([[centre[0], centre[1], float(points[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
+    box = box_of(own)
+    centre = np.array([0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])])
+    above = np.array([[centre[0], centre[1], float(own.outline()[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
     met = reflect(own, above[0], np.array([[0.0, 0.0, -1.0]]))
     if met.status[0] != Status.REFLECTED:
         raise TraceError(f"the uploaded mirror does not reflect at the middle of its box, ({centre[0]:.1f}, {centre[1]:.1f}) "
@@ -260,16 +257,12 @@ def _own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
     x, y = (0.5 * (one.mirror.box[i] + one.mirror.box[i + 1]) for i in (0, 2))
     place, out = reflected_at(one.sheets or one.mirror.surface, turn.to_mirror(one.setting.eye), np.array([x]), np.array([y]))
     stood = aimed(met.points[0], met.normals[0], turn.to_scene(place[0]), one.setting.eye, out[0] @ turn.rotation.T)
-    return stood, (float(x_min), float(x_max), float(y_min), float(y_max))
+    return stood, box
 
 
 def _land(turn: Turn, points: Array, directions: Array, z_mm: float) -> Array:
     """Where rays in the mirror's coordinates meet the plane z = z_mm of the scene, (n, 2) mm."""
-    from raytrace.trace import Trace
-
-    n = len(points)
-    trace = Trace(np.zeros(n, dtype=np.int8), turn.to_scene(points), points, directions @ turn.rotation.T, np.zeros(n))
-    return landing_points(trace, z_mm)[:, :2]
+    return landed(turn.to_scene(points), directions @ turn.rotation.T, z_mm)[:, :2]
 
 
 def _shape_on(mirror: Mirror, x: Array, y: Array) -> tuple[Array, ShapeOperator]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 import tomllib
 from pathlib import Path
@@ -13,7 +12,7 @@ from pydantic import ValidationError
 
 from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec, preset_names, validate_spec
+from mirror_cad.spec_file import load_spec, preset_names, spec_as_json, validate_spec
 from mirror_studio.web.protocol import Look
 from mirror_studio.web.uploads import Uploads
 
@@ -30,7 +29,7 @@ def presets() -> dict[str, dict[str, Any]]:
 
 def as_state(spec: MirrorSpec) -> dict[str, Any]:
     """A specification with all of its keys, without what is left out; an infinite radius is the text "inf", a file its name."""
-    state: dict[str, Any] = _plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
+    state = spec_as_json(spec)
     for section, key in FILES:
         if key in state[section] and state[section][key] != BUILT_IN_PICTURE:
             state[section][key] = Path(state[section][key]).name
@@ -107,14 +106,6 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _numbers(value: Any) -> Any:

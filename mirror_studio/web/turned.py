@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from raytrace.image import Scene
 from raytrace.measures.lane import StraightLane
+from raytrace.pose import STRAIGHT, Pose
 from raytrace.scene.reference import Picture
 from raytrace.trace import Trace
 
@@ -20,7 +21,8 @@ AIMED = 1e-12  # radians between where two mirrors' centres look
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """A place of a turned mirror, p, stands in the scene at `centre` + R·(p − pivot), R = Ry(yaw)·Rx(−pitch).
+    """A place of a turned mirror, p, stands in the scene at `centre` + R·(p − pivot), R = Ry(yaw)·Rx(−pitch), as a `Pose`
+    turns it.
 
     A positive yaw turns the face towards +x, the driver's side, a positive pitch then upwards. Radians, mm.
     """
@@ -38,10 +40,7 @@ class Turn:
     @property
     def rotation(self) -> Array:
         """R, (3, 3)."""
-        cy, sy, cp, sp = np.cos(self.yaw), np.sin(self.yaw), np.cos(self.pitch), np.sin(self.pitch)
-        yaw = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
-        pitch = np.array([[1.0, 0.0, 0.0], [0.0, cp, sp], [0.0, -sp, cp]])
-        result: Array = yaw @ pitch
+        result: Array = STRAIGHT.T @ Pose(np.zeros(3), np.zeros(3), self.yaw, self.pitch).rotation
         return result
 
     def to_scene(self, points: Array) -> Array:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from raytrace.measures.eye_views import EyeViews, picture_grid
 from raytrace.measures.field_of_view import GlassSheets, angle_between, reflected_at
 from raytrace.measures.magnification import CREASE, places_over
-from raytrace.reflector import TrimmedSurface
 from raytrace.vehicle import OwnVehicle
 from raytrace.view import Sight, View
 
@@ -278,13 +277,14 @@ def _between_edges(view: View) -> float | None:
                   else EDGE_OF_MESH) * (x[1] - x[0])
         out = view.whole.sight(places_over(view, x + [inward, -inward], y)).directions
     else:
-        back = view.reflector.surfaces[0]
-        if not (isinstance(glass.front, TrimmedSurface) and isinstance(back, TrimmedSurface)):
+        sheets = GlassSheets.before(view.reflector)
+        if sheets is None:
             return None
-        u_min, u_max, v_min, v_max = back.surface.domain
+        back = sheets.back.surface
+        u_min, u_max, v_min, v_max = back.domain
         if not (u_min <= x[0] and x[1] <= u_max and v_min <= 0.0 <= v_max):
             return None
-        if np.abs(back.surface.evaluate(x, y)[:, :2] - np.stack([x, y], axis=1)).max() > 1e-6:
+        if np.abs(back.evaluate(x, y)[:, :2] - np.stack([x, y], axis=1)).max() > 1e-6:
             return None
-        _, out = reflected_at(GlassSheets.of(glass.front, back, glass.index), view.eye_in_mirror, x, y)
+        _, out = reflected_at(sheets, view.eye_in_mirror, x, y)
     return float(np.degrees(angle_between(out[0], out[1]))) if np.isfinite(out).all() else None

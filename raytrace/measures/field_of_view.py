@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.differential import normals
 from raytrace.glass import trace_through
-from raytrace.reflector import TrimmedSurface
+from raytrace.reflector import Reflector, TrimmedSurface
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -33,6 +33,14 @@ class GlassSheets:
     def of(front: TrimmedSurface, back: TrimmedSurface, index: float) -> GlassSheets:
         """The sheets that a plate's faces were cut from."""
         return GlassSheets(front.untrimmed(), back.untrimmed(), index)
+
+    @staticmethod
+    def before(reflector: Reflector) -> GlassSheets | None:
+        """Those of a plate of B-splines that reflects from its back; None for another reflector."""
+        glass, back = reflector.glass, reflector.only
+        if glass is None or back is None or not isinstance(glass.front, TrimmedSurface):
+            return None
+        return GlassSheets.of(glass.front, back, glass.index)
 
     @property
     def domain(self) -> Box:

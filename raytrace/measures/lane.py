@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.bspline import BSplineSurface
 from raytrace.measures.field_of_view import GlassSheets, reflected_at, reflected_on_grid
+from raytrace.scene.reference import landed
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -33,10 +34,8 @@ class StraightLane:
 
     def above(self, points: Array, directions: Array) -> Array:
         """How far above the lane rays land on the plane, mm, (n,); NaN for rays that do not go towards it."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (self.plane_z_mm - points[:, 2]) / directions[:, 2]
-        landed = points + np.where(t > 0, t, np.nan)[:, None] * directions
-        result: Array = landed[:, 1] - self.y0_mm - self.slope * (landed[:, 0] - self.x0_mm)
+        at = landed(points, directions, self.plane_z_mm)
+        result: Array = at[:, 1] - self.y0_mm - self.slope * (at[:, 0] - self.x0_mm)
         return result
 
 

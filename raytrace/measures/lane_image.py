@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
-from raytrace.image import Frame, rays_through
+from raytrace.camera import Frame, rays_through
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture
 from raytrace.trace import Status, reflect

@@ -60,6 +60,14 @@ class ReferencePlane:
         return rounded(means)
 
 
+def landed(points: Array, directions: Array, z_mm: float) -> Array:
+    """Where rays from points along directions (n, 3) meet the plane z = z_mm, (n, 3); NaN for those that do not go there."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (z_mm - points[:, 2]) / directions[:, 2]
+    result: Array = points + np.where(t > 0.0, t, np.nan)[:, None] * directions
+    return result
+
+
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def rounded(means: Array) -> Picture:
     """Colours (n, 3), 0 to 255, as the nearest bytes."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -13,9 +14,9 @@ from raytrace.parallel import RUN, in_runs
 
 Array = NDArray[np.float64]
 
-SIDE = 8  # directions are stratified on SIDE × SIDE cells: 64 a place, ±0.03 of the share
-# Rays start this far off the surface, of the body's size: some units of the last place of Embree's float32.
-LIFT = 4e-6
+SIDE = 8  # directions are stratified on so many cells a side: 64 a place, ±0.03 of the share
+# Rays start this far off the surface, of the body's size: 1 mm of a car, whose panels overlap by less along their seams.
+LIFT = 2e-4
 INSET = 0.1  # of the way to the middle of a vertex's triangles: an edge between two walls lies in both
 MOST_INSET_MM = 20.0
 GRID_MM, COARSEST_MM, MOST_NODES = 150.0, 600.0, 40_000  # of contact shadows
@@ -35,23 +36,24 @@ class Contact:
     across: Array
 
 
-def openness(scene: TriangleScene, points: Array, normals: Array) -> Array:
+def openness(scene: TriangleScene, points: Array, normals: Array, side: int = SIDE) -> Array:
     """Cosine-weighted share (n,) of the directions about each normal that leave without meeting a triangle.
 
-    V = (1/π)·∫ visible(ω)·cos θ dω over the half space of the normal, 64 stratified directions.
+    V = (1/π)·∫ visible(ω)·cos θ dω over the half space of the normal, side² stratified directions.
     """
     result = np.empty(len(points))
 
     def work(start: int, stop: int) -> None:
-        origins, directions = np.empty((2, (stop - start) * SIDE * SIDE, 3))
-        _cosine_rays(points[start:stop], normals[start:stop], start, origins, directions)
-        result[start:stop] = 1.0 - scene.occluded(origins, directions).reshape(-1, SIDE * SIDE).mean(axis=1)
+        origins, directions = np.empty((2, (stop - start) * side * side, 3))
+        _cosine_rays(points[start:stop], normals[start:stop], start, side, origins, directions)
+        result[start:stop] = 1.0 - scene.occluded(origins, directions).reshape(-1, side * side).mean(axis=1)
 
-    in_runs(work, len(points), RUN // (SIDE * SIDE))
+    in_runs(work, len(points), RUN // (side * side))
     return result
 
 
-def vertex_openness(scene: TriangleScene, vertices: Array, normals: Array, faces: NDArray[np.int32]) -> Array:
+def vertex_openness(scene: TriangleScene, vertices: Array, normals: Array, faces: NDArray[np.integer[Any]],
+                    side: int = SIDE) -> Array:
     """`openness` of a body's vertices; vertices that no triangle names, and without a normal, have 1."""
     middles = vertices[faces].mean(axis=1)
     count = np.bincount(faces.ravel(), minlength=len(vertices))
@@ -64,11 +66,11 @@ def vertex_openness(scene: TriangleScene, vertices: Array, normals: Array, faces
     lift = LIFT * float(np.ptp(vertices, axis=0).max())
     good = (count > 0) & (np.linalg.norm(normals, axis=1) > 0.5)
     result = np.ones(len(vertices))
-    result[good] = openness(scene, (vertices + inward + lift * normals)[good], normals[good])
+    result[good] = openness(scene, (vertices + inward + lift * normals)[good], normals[good], side)
     return result
 
 
-def contact(scene: TriangleScene, vertices: Array) -> Contact | None:
+def contact(scene: TriangleScene, vertices: Array, side: int = SIDE) -> Contact | None:
     """The contact shadow of a body on the ground Z = 0, fading to nothing at the grid's border; None for a large body."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     margin = min(LEAST_MARGIN_MM + max(float(high[2]), 0.0), MOST_MARGIN_MM)
@@ -80,7 +82,7 @@ def contact(scene: TriangleScene, vertices: Array) -> Contact | None:
     start = 0.5 * (low + high)[:2] - 0.5 * step * (nodes - 1)
     x, y = (g.ravel() for g in np.meshgrid(*(start[k] + step * np.arange(nodes[k]) for k in range(2)), indexing="ij"))
     ground = np.stack([x, y, np.full_like(x, LIFT * float(np.ptp(vertices, axis=0).max()))], axis=1)
-    share = openness(scene, ground, np.broadcast_to([0.0, 0.0, 1.0], ground.shape))
+    share = openness(scene, ground, np.broadcast_to([0.0, 0.0, 1.0], ground.shape), side)
     share = _without_covered(share.reshape(nodes)).ravel()
     outside = np.maximum(np.maximum(low[:2] - ground[:, :2], ground[:, :2] - high[:2]), 0.0).max(axis=1) / margin
     fade = np.clip(2.0 - 2.0 * outside, 0.0, 1.0)
@@ -100,8 +102,8 @@ def _without_covered(share: Array) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are
-def _cosine_rays(points: Array, normals: Array, number: int, origins: Array, directions: Array) -> None:
-    """SIDE² rays a point, uniform over the disc below the half sphere, each point's turned by the golden angle."""
+def _cosine_rays(points: Array, normals: Array, number: int, side: int, origins: Array, directions: Array) -> None:
+    """side² rays a point, uniform over the disc below the half sphere, each point's turned by the golden angle."""
     k = 0
     for n in range(points.shape[0]):
         nx, ny, nz = normals[n, 0], normals[n, 1], normals[n, 2]
@@ -110,10 +112,10 @@ def _cosine_rays(points: Array, normals: Array, number: int, origins: Array, dir
         a = -1.0 / (sign + nz)
         b = nx * ny * a
         turn = 2.399963 * ((number + n) % 65_536)
-        for i in range(SIDE):
-            for j in range(SIDE):
-                square = (i + (0.5 + 0.618034 * j) % 1.0) / SIDE
-                angle = turn + 2.0 * np.pi * (j + (0.5 + 0.618034 * i) % 1.0) / SIDE
+        for i in range(side):
+            for j in range(side):
+                square = (i + (0.5 + 0.618034 * j) % 1.0) / side
+                angle = turn + 2.0 * np.pi * (j + (0.5 + 0.618034 * i) % 1.0) / side
                 radius, up = np.sqrt(square), np.sqrt(1.0 - square)
                 p, q = radius * np.cos(angle), radius * np.sin(angle)
                 x = p * (1.0 + sign * nx * nx * a) + q * b + up * nx

@@ -24,13 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.embree import TriangleScene
+from raytrace.scene.visibility import Contact, contact, vertex_openness
 
 from .materials import MATERIALS
 from .plate import picture
 from .tessellate import Patch, merged
-from .visibility import Ground, ground_map, vertex_shares
 
 MM = 1e-3
+SIDE = 16  # 256 directions a place: baked once, they can be many
 GLTF_FROM_VEHICLE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 FLOAT, SHORT, INT = 5126, 5123, 5125
 VERTICES, INDICES = 34962, 34963
@@ -44,8 +45,9 @@ def write_glb(path: Path, patches: Sequence[Patch]) -> None:
     offsets = np.cumsum([0, *(len(part.points) for part in parts)])
     faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=False)])
     scene = TriangleScene(points, faces)
-    shares = vertex_shares(scene, points, normals, faces)
-    ground = ground_map(scene, points.min(axis=0), points.max(axis=0))
+    shares = vertex_openness(scene, points, normals, faces, SIDE)
+    ground = contact(scene, points, SIDE)
+    assert ground is not None  # none of them is as large as that
     path.write_bytes(_glb(path.stem, parts, [shares[a:b] for a, b in pairwise(offsets)], ground))
 
 
@@ -82,7 +84,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
-def _glb(name: str, parts: Sequence[Patch], shares: Sequence[NDArray[np.float64]], ground: Ground) -> bytes:
+def _glb(name: str, parts: Sequence[Patch], shares: Sequence[NDArray[np.float64]], ground: Contact) -> bytes:
     buffer = _Buffer()
     primitives = []
     for number, (part, share) in enumerate(zip(parts, shares, strict=True)):
@@ -118,8 +120,8 @@ def _material(name: str, textured: bool) -> dict[str, object]:
     return {"name": name, "pbrMetallicRoughness": surface}
 
 
-def _extras(ground: Ground) -> dict[str, object]:
+def _extras(ground: Contact) -> dict[str, object]:
     nx, ny = ground.sky.shape
-    step = round(MM * ground.step, 6)
-    return {"x0": round(MM * ground.x0, 4), "dx": step, "nx": nx, "y0": round(MM * ground.y0, 4), "dy": step, "ny": ny,
+    (x0, y0), step = MM * ground.origin, round(MM * float(ground.along[0]), 6)
+    return {"x0": round(x0, 4), "dx": step, "nx": nx, "y0": round(y0, 4), "dy": step, "ny": ny,
             "sky": [round(float(value), 2) for value in ground.sky.ravel()]}

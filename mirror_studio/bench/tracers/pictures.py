@@ -12,7 +12,8 @@ from mirror_studio.bench.tracers.case import Case
 from mirror_studio.bench.tracers.mitsuba_mesh import mesh_of, use_for_pictures
 from mirror_studio.bench.tracers.tracer import Work
 from mirror_studio.setting import Setting
-from raytrace.image import Frame, driver_view
+from raytrace.camera import Frame
+from raytrace.image import driver_view
 from raytrace.scene.reference import BESIDE, ReferencePlane, load_picture
 from raytrace.scene.world import TriangleWorld
 
