@@ -96,5 +96,7 @@ def _read_text(path: Path, names: list[str], kind: str) -> str:
         raise SpecError(f"{path}: no such file or {kind}{hint}") from None
     except UnicodeDecodeError as error:
         raise SpecError(f"{path}: not a text file (byte {error.start} is no UTF-8): a specification is TOML") from None
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise SpecError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:  # a name that no file can have
         raise SpecError(f"{path}: cannot be read: {error}") from None

@@ -28,13 +28,12 @@ DISTANCE_MM = 8200.0  # of the plane behind the eye: the paper's
 
 def write_reference(scene: SceneFile, out: Path, progress: Progress) -> dict[str, object]:
     """Photograph the scene into a folder, with a specification that shows it in progressive-c; returns what it says of it."""
-    progress.step(f"{scene.name}: reading bodies")
-    world = World(scene)
-    progress.step(f"{scene.name}: photographing")
-    picture = reference_picture(scene, world, progress.share)
     lane = lane_on_plane(scene)
     with new_set(out) as folder:
-        write_png(folder / "reference.png", picture)
+        progress.step(f"{scene.name}: reading bodies")
+        world = World(scene)
+        progress.step(f"{scene.name}: photographing")
+        write_png(folder / "reference.png", reference_picture(scene, world, progress.share))
         (folder / "reference.toml").write_text(_specification(scene, lane), encoding="utf-8")
         write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True),
                                        "versions": versions(), "files": hashes(folder)})

@@ -35,16 +35,16 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
 
     Raises: MirrorError, with nothing written.
     """
-    mirrors: list[DrivenMirror] = []
-    for name in names:
-        progress.step(f"{name}: making and aiming")
-        mirrors.append(driven_mirror(name, scene))
-    named_apart(mirrors)
-    progress.step(f"{scene.name}: reading bodies")
-    world = World(scene)
-    bodies = {name: body for name, body in world.named if name}
-    subject = subject_of(scene, bodies)
     with new_set(out) as folder:
+        mirrors: list[DrivenMirror] = []
+        for name in names:
+            progress.step(f"{name}: making and aiming")
+            mirrors.append(driven_mirror(name, scene))
+        named_apart(mirrors)
+        progress.step(f"{scene.name}: reading bodies")
+        world = World(scene)
+        bodies = {name: body for name, body in world.named if name}
+        subject = subject_of(scene, bodies)
         measured, changes, rays = [], [], {}
         for mirror in mirrors:
             progress.step(f"{mirror.name}: what both eyes see")
