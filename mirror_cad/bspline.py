@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import SurfaceError
@@ -13,7 +14,7 @@ from mirror_cad.errors import SurfaceError
 Array = NDArray[np.float64]
 
 ORDERS = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}  # of differentiation by u and v
-CHUNK = 20_000  # points evaluated at once: a few MB of basis functions and poles, inside the cache of most machines
+CHUNK = 20_000  # points evaluated at once: a few MB of basis functions, inside the cache of most machines
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class BSplineSurface:
         """z, z_u, z_v at (u, v): all that a surface with u = x, v = y has besides x and y, at a quarter of the work."""
         if self.weights is not None:
             raise SurfaceError("one coordinate alone is not defined by the poles of a rational surface")
-        d = self._derivatives(u, v, 1, self.poles[..., 2:])[..., 0]
+        d = self._derivatives(u, v, 1, component=2)[..., 0]
         return d[..., 0, 0], d[..., 1, 0], d[..., 0, 1]
 
     def on_grid(self, u: Array, v: Array, component: int | None = None) -> dict[str, Array]:
@@ -95,21 +96,19 @@ class BSplineSurface:
             return self.poles
         return np.concatenate([self.poles * self.weights[..., None], self.weights[..., None]], axis=2)
 
-    def _derivatives(self, u: ArrayLike, v: ArrayLike, order: int, poles: Array | None = None) -> Array:
+    def _derivatives(self, u: ArrayLike, v: ArrayLike, order: int, component: int | None = None) -> Array:
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         shape = u.shape
         u, v = u.ravel(), v.ravel()
         self._check_domain(u, v)
-        homogeneous = self._homogeneous() if poles is None else poles
-        out = np.empty((u.size, order + 1, order + 1, homogeneous.shape[2]))
+        homogeneous = self._homogeneous()
+        channel, channels = (0, homogeneous.shape[2]) if component is None else (component, 1)
+        out = np.empty((u.size, order + 1, order + 1, channels))
         for start in range(0, u.size, CHUNK):
             part = slice(start, start + CHUNK)
             first_u, bu = basis_functions(self.knots_u, self.degree_u, u[part], order)
             first_v, bv = basis_functions(self.knots_v, self.degree_v, v[part], order)
-            rows = first_u[:, None] + np.arange(self.degree_u + 1)
-            columns = first_v[:, None] + np.arange(self.degree_v + 1)
-            local = homogeneous[rows[:, :, None], columns[:, None, :]]
-            out[part] = np.einsum("nai,nijc,nbj->nabc", bu, local, bv, optimize=True)
+            _contract(first_u, bu, first_v, bv, homogeneous, channel, out[part])
         if self.weights is not None:
             out = _project(out)
         return out.reshape((*shape, *out.shape[1:]))
@@ -141,42 +140,61 @@ def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[ND
     Recursion N_i,p = (u − t_i)/(t_i+p − t_i)·N_i,p−1 + …; derivative p·(N_i,p−1/(t_i+p − t_i) − N_i+1,p−1/(…)).
     Source: The NURBS Book, eqs. 2.5 and 2.7.
     """
-    last = len(knots) - degree - 2
-    span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, last)
-    values = [np.ones((u.size, 1))]
-    for p in range(1, degree + 1):
-        values.append(_raise_degree(knots, span, p, u, values[-1]))
-    out = np.empty((u.size, order + 1, degree + 1))
-    for k in range(order + 1):
-        derivative = values[degree - k] if degree >= k else np.zeros((u.size, 1))
-        for p in range(degree - k + 1, degree + 1):
-            derivative = _differentiate(knots, span, p, derivative)
-        out[:, k] = derivative
-    return span - degree, out
+    first, out = np.empty(u.size, dtype=np.int64), np.empty((u.size, order + 1, degree + 1))
+    _local_basis(knots, degree, u, first, out)
+    return first, out
 
 
-def _raise_degree(knots: Array, span: NDArray[np.int64], p: int, u: Array, lower: Array) -> Array:
-    right, left = _supports(knots, span, p)
-    share = lower / (right - left)
-    out = np.zeros((u.size, p + 1))
-    out[:, :p] = (right - u[:, None]) * share
-    out[:, 1:] += (u[:, None] - left) * share
-    return out
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are
+def _local_basis(knots: Array, degree: int, u: Array, first: NDArray[np.int64], out: Array) -> None:
+    values = np.empty((degree + 1, degree + 1))  # of each degree up to the full one
+    lower, higher = np.empty(degree + 1), np.empty(degree + 1)
+    for n in range(u.size):
+        span, above = degree, len(knots) - degree - 2
+        while span < above:
+            middle = (span + above + 1) // 2
+            if knots[middle] <= u[n]:
+                span = middle
+            else:
+                above = middle - 1
+        first[n] = span - degree
+        values[0, 0] = 1.0
+        for p in range(1, degree + 1):
+            values[p, 0] = 0.0
+            for j in range(p):  # supports that two neighbours of degree p share begin and end here
+                left, right = knots[span + 1 - p + j], knots[span + 1 + j]
+                share = values[p - 1, j] / (right - left)
+                values[p, j] += (right - u[n]) * share
+                values[p, j + 1] = (u[n] - left) * share
+        for k in range(out.shape[1]):
+            if k > degree:
+                out[n, k] = 0.0
+                continue
+            lower[:degree - k + 1] = values[degree - k, :degree - k + 1]
+            for p in range(degree - k + 1, degree + 1):
+                higher[0] = 0.0
+                for j in range(p):
+                    share = p * lower[j] / (knots[span + 1 + j] - knots[span + 1 - p + j])
+                    higher[j] -= share
+                    higher[j + 1] = share
+                lower, higher = higher, lower
+            out[n, k] = lower
 
 
-def _differentiate(knots: Array, span: NDArray[np.int64], p: int, lower: Array) -> Array:
-    right, left = _supports(knots, span, p)
-    share = p * lower / (right - left)
-    out = np.zeros((lower.shape[0], p + 1))
-    out[:, :p] = -share
-    out[:, 1:] += share
-    return out
-
-
-def _supports(knots: Array, span: NDArray[np.int64], p: int) -> tuple[Array, Array]:
-    """The ends t_i+p and t_i of the supports that two neighbouring B-splines of degree p share, (n, p) each."""
-    right = knots[span[:, None] + np.arange(1, p + 1)]
-    return right, knots[span[:, None] + np.arange(1 - p, 1)]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _contract(first_u: NDArray[np.int64], bu: Array, first_v: NDArray[np.int64], bv: Array, poles: Array, channel: int,
+              out: Array) -> None:
+    """out[n, a, b, c] = Σ_ij bu[n, a, i]·bv[n, b, j]·poles[first_u + i, first_v + j, channel + c]."""
+    for n in range(out.shape[0]):
+        out[n] = 0.0
+        for a in range(bu.shape[1]):
+            for j in range(bv.shape[2]):
+                for c in range(out.shape[3]):
+                    along = 0.0
+                    for i in range(bu.shape[2]):
+                        along += bu[n, a, i] * poles[first_u[n] + i, first_v[n] + j, channel + c]
+                    for b in range(bv.shape[1]):
+                        out[n, a, b, c] += along * bv[n, b, j]
 
 
 def dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:

@@ -223,14 +223,15 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
 
     position = np.abs(got.z - want.z)
     allowed = np.maximum(0.01 * task.curvature_tolerance_percent * percent_of.min(axis=1), np.finfo(float).tiny)[:, None]
-    along_x = _parts(position[:m, n:], np.abs(got.zxx - want.zxx)[:m, n:] / allowed[:m] if curved else None, task, degree)
-    along_y = _parts(position[m:, :n], np.abs(got.zyy - want.zyy)[m:, :n] / allowed[m:] if curved else None, task, degree)
+    bend_x = np.abs(got.zxx - want.zxx)[:m, n:] / allowed[:m] if curved else None
+    bend_y = np.abs(got.zyy - want.zyy)[m:, :n] / allowed[m:] if curved else None
+    along_x, along_y = _parts(position[:m, n:], bend_x, 1, task, degree), _parts(position[m:, :n], bend_y, 0, task, degree)
     judged = (inside_x >= x_min) & (inside_x <= x_max)
     # Spans that touch the judged edges count in full: across a break only few derivatives are continuous, but those are.
     near = (ends_x[span_x + 1] >= x_min) & (ends_x[span_x] <= x_max)
-    per_x = along_x.max(axis=1) * np.where(near, 1.0, OUTSIDE_SHARE ** (1.0 / (degree - 1)))
+    per_x = along_x * np.where(near, 1.0, OUTSIDE_SHARE ** (1.0 / (degree - 1)))
     parts_x = _most_of_each(per_x, span_x, len(ends_x) - 1)
-    parts_y = _most_of_each(along_y.max(axis=0), span_y, len(ends_y) - 1)
+    parts_y = _most_of_each(along_y, span_y, len(ends_y) - 1)
 
     rows = np.flatnonzero(judged)
     block = (rows[:, None], np.flatnonzero((inside_y >= y_min) & (inside_y <= y_max)))
@@ -266,10 +267,10 @@ def _sites_within(knots: Array, degree: int, low: float, high: float) -> Array:
     return sites if len(sites) >= 3 else np.linspace(low, high, 5)
 
 
-def _parts(position: Array, bend: Array | None, task: FitTask, degree: int) -> Array:
-    """Parts that each place's error asks for: position falls with h^(p+1), curvature with h^(p−1)."""
-    parts = (position / task.position_tolerance_mm) ** (1.0 / (degree + 1))
-    return parts if bend is None else np.maximum(parts, bend ** (1.0 / (degree - 1)))
+def _parts(position: Array, bend: Array | None, axis: int, task: FitTask, degree: int) -> Array:
+    """Parts that the largest errors along an axis ask for: position falls with h^(p+1), curvature with h^(p−1)."""
+    parts: Array = (position.max(axis=axis) / task.position_tolerance_mm) ** (1.0 / (degree + 1))
+    return parts if bend is None else np.maximum(parts, bend.max(axis=axis) ** (1.0 / (degree - 1)))
 
 
 def _most_of_each(parts: Array, span: NDArray[np.int64], count: int) -> NDArray[np.int64]:

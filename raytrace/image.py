@@ -6,6 +6,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -59,9 +60,9 @@ def photograph(reflector: Reflector | None, camera: Camera, scene: Scene, progre
         # They stand in no reflected ray's way, and which ray misses how is not asked.
         reflector = replace(reflector, obstacles=None)
     picture = np.empty((camera.rows, camera.columns, 3), dtype=np.uint8)
-    n = camera.rows * camera.columns
     report = progress or (lambda share: None)
-    counts = _render(reflector, camera, scene, np.arange(n), 1, picture, lambda share: report(share / samples))
+    counts = _render(reflector, camera, scene, _in_bands(camera.rows, camera.columns), 1, picture,
+                     lambda share: report(share / samples))
     if samples > 1:
         again = np.flatnonzero(_contrasts(picture, contrast))
         counts += _render(reflector, camera, scene, again, samples, picture,
@@ -102,17 +103,30 @@ def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: N
 
 
 RAYS_AT_ONCE = 16_384  # rays, results and colours of a run: two megabytes, near a core
+BAND = 4  # rows: 16 rays in a row, which a kernel takes at once, then are a square, and mostly on one cell of the surface
+
+
+@lru_cache(maxsize=4)
+def _in_bands(rows: int, columns: int) -> NDArray[np.intp]:
+    """All pixels, in bands of a few rows, column by column in each."""
+    pixels = np.arange(rows * columns).reshape(rows, columns)
+    order = np.concatenate([pixels[row:row + BAND].T.ravel() for row in range(0, rows, BAND)])
+    return order
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba's are
 def _directions(pixels: NDArray[np.intp], columns: int, base: Array, across: Array, down: Array, inner: Array,
                 directions: Array) -> None:
-    """Rays through the samples of pixels, which are in rising order, row by row in each."""
+    """Rays through the samples of pixels, row by row in each."""
     n = 0
     row = column = before = 0
     for pixel in pixels:
-        column += pixel - before
-        if column >= columns:  # a division for each pixel would take as long as the rest
+        step = pixel - before
+        if step == columns:  # a division for each pixel would take as long as the rest
+            row += 1
+        elif 0 <= step < columns - column:
+            column += step
+        else:
             row, column = pixel // columns, pixel % columns
         before = pixel
         for a in inner:

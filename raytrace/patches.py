@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,31 +152,34 @@ def _power_form(knots: Array, poles: Array, degree: int) -> Array:
     In extended precision: the highest derivatives are differences of poles that agree to many digits, and what they lose
     in float64 is 2e-15 rad of the normal.
     """
+    spans, matrices = _taylor_matrices(knots.tobytes(), degree)
+    local = poles[spans[:, None] - degree + np.arange(degree + 1)]
+    powers: Array = matrices @ local.reshape(*local.shape[:2], -1)
+    return powers.reshape(local.shape)
+
+
+@lru_cache(maxsize=8)  # from one design to the next, mostly the knots of one direction change
+def _taylor_matrices(knots_bytes: bytes, degree: int) -> tuple[NDArray[np.intp], Array]:
+    """The knot that starts each span, and what takes the poles that live there to the powers of `_power_form`, (spans, p + 1,
+    p + 1): de Boor's algorithm on each derivative of the p + 1 splines themselves."""
+    knots = np.frombuffer(knots_bytes)
     cuts = _cuts(knots, degree)
-    at, spans = _middles(cuts), np.searchsorted(knots, cuts[:-1], side="right") - 1
+    spans, at = np.searchsorted(knots, cuts[:-1], side="right") - 1, _middles(cuts)  # the middles that the kernels take
+    knots = knots.astype(np.longdouble)
+    poles = np.repeat(np.eye(degree + 1, dtype=np.longdouble)[:, None], len(spans), axis=1)  # (pole, span, spline)
     terms = []
     for m in range(degree + 1):
-        # Knots and poles of the m-th derivative; its span has the number of the spline's own, less m.
-        terms.append(_de_boor(knots, poles, degree - m, spans - m, at) / math.factorial(m))
-        if m < degree:
-            apart = (knots[degree - m + 1:-1] - knots[1:-(degree - m) - 1]).astype(poles.dtype)
-            # A pole of no length, where a knot is repeated more than the degree left, belongs to no span.
-            scale = np.divide(degree - m, apart, out=np.zeros_like(apart), where=apart > 0.0)
-            poles, knots = np.diff(poles, axis=0) * scale.reshape(-1, *[1] * (poles.ndim - 1)), knots[1:-1]
-    return np.stack(terms[::-1], axis=1)
-
-
-def _de_boor(knots: Array, poles: Array, degree: int, spans: NDArray[np.intp], t: Array) -> Array:
-    """A spline's values at t (n,), each within its span: repeated interpolation of the poles (de Boor's algorithm)."""
-    j = np.arange(degree + 1)[:, None]
-    local = poles[spans - degree + j]
-    shape = (len(spans), *[1] * (poles.ndim - 1))
-    for r in range(1, degree + 1):
-        low, high = knots[spans - degree + j[r:]], knots[spans + j[r:] - r + 1]
-        share = ((t - low).astype(poles.dtype) / (high - low)).reshape(-1, *shape)
-        local = (1 - share) * local[:-1] + share * local[1:]
-    result: Array = local[0]
-    return result
+        left = degree - m
+        j = np.arange(left + 1)[:, None]
+        local = poles
+        for r in range(1, left + 1):
+            low, high = knots[spans - left + j[r:]], knots[spans + j[r:] - r + 1]
+            share = ((at - low) / (high - low))[..., None]
+            local = (1 - share) * local[:-1] + share * local[1:]
+        terms.append(local[0] / math.factorial(m))
+        apart = knots[spans + 1 + j[:-1]] - knots[spans - left + 1 + j[:-1]]
+        poles = left * np.diff(poles, axis=0) / apart[..., None]
+    return spans, np.stack(terms[::-1], axis=1)
 
 
 def _lookup(ends: Array) -> Index:

@@ -6,15 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import mirror_cad
 import raytrace
 from mirror_studio.setting import Setting
 from raytrace import parallel
 from raytrace.camera import Frame
-from raytrace.image import driver_view
-from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
+from raytrace.image import driver_view, photograph
+from raytrace.patches import HeightField
+from raytrace.scene.reference import BACKGROUND, Picture, ReferencePlane, load_picture
+from raytrace.trace import Trace
 from tests.conftest import constant, designed, spec_of
+
+Array = NDArray[np.float64]
 
 
 def scene_of(name: str) -> tuple[raytrace.Reflector, np.ndarray, ReferencePlane, Frame]:
@@ -98,3 +103,39 @@ def test_a_pixel_of_a_flat_mirror_shows_the_picture_where_it_lies() -> None:
         wanted_row = (4000.0 * 90 / 160 / 2 - up) * 160 / 4000.0 - 0.5
         assert view[row, column, 0] == pytest.approx(np.clip(wanted_column, 0, 159), abs=0.51)
         assert view[row, column, 1] == pytest.approx(2 * np.clip(wanted_row, 0, 89), abs=0.51)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (3, 7), (4, 4), (9, 5), (5, 1), (48, 35)])
+def test_every_pixel_is_looked_through_once_in_its_own_place(rows: int, columns: int) -> None:
+    camera = Frame(-0.5 * columns, 0.5 * rows, 1.0, columns, rows).camera(np.array([0.0, 0.0, 100.0]))
+    seen: list[Array] = []
+
+    class Directions:
+        def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
+            at = rays / -rays[:, 2:] * 100.0 + [0.5 * columns, -0.5 * rows, 0.0]
+            sums[:, 0], sums[:, 1], sums[:, 2] = np.floor(at[:, 0]), np.floor(-at[:, 1]), 7.0
+            seen.append(rays.copy())
+
+        def to_display(self, means: Array) -> Picture:
+            return means.astype(np.uint8)
+
+    picture, _ = photograph(None, camera, Directions(), samples=1)
+    assert sum(len(rays) for rays in seen) == rows * columns
+    np.testing.assert_array_equal(picture[..., 0], np.broadcast_to(np.arange(columns), (rows, columns)))
+    np.testing.assert_array_equal(picture[..., 1], np.broadcast_to(np.arange(rows)[:, None], (rows, columns)))
+
+
+@pytest.mark.parametrize("name", ["progressive-c", "sphere-950"])
+def test_polynomials_of_a_height_field_are_the_surface(name: str) -> None:
+    surface = designed(name).surface
+    field = HeightField.of(surface)
+    assert field is not None
+    rng = np.random.default_rng(3)
+    x, y = (rng.uniform(low, high, 500) for low, high in (surface.domain[:2], surface.domain[2:]))
+    i, j = (np.searchsorted(ends[:-1], at, side="right") - 1 for ends, at in ((field.ends_x, x), (field.ends_y, y)))
+    n = field.powers
+    cells = field.coefficients.reshape(len(field.middle_x), len(field.middle_y), n, n)[i, j]
+    a, b = (x - field.middle_x[i])[:, None] ** np.arange(n)[::-1], (y - field.middle_y[j])[:, None] ** np.arange(n)[::-1]
+    z = np.einsum("na,nab,nb->n", a, cells, b)
+    # Rounding of coordinates of some 100 mm.
+    np.testing.assert_allclose(z, surface.evaluate(x, y)[:, 2], rtol=0, atol=1e-13)
