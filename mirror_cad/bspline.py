@@ -140,6 +140,7 @@ def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[ND
     Recursion N_i,p = (u − t_i)/(t_i+p − t_i)·N_i,p−1 + …; derivative p·(N_i,p−1/(t_i+p − t_i) − N_i+1,p−1/(…)).
     Source: The NURBS Book, eqs. 2.5 and 2.7.
     """
+    u = np.ascontiguousarray(u)
     first, out = np.empty(u.size, dtype=np.int64), np.empty((u.size, order + 1, degree + 1))
     _local_basis(knots, degree, u, first, out)
     return first, out
