@@ -19,6 +19,7 @@ DEPTH_MM, NARROWER = 75.0, 0.72  # the housing behind it: how deep, and how wide
 RIM_STEPS, SHELL_STEPS = 6, 8
 AROUND = 256  # vertices around the housing
 SPACING_MM = 0.05  # of the outline's points while it is moved inwards: the corners of what is left are right to this
+NEAR = 5e-3  # of the mirror's size: what is one edge in plan
 ON_TIME = 1e-6  # mm: a point that was moved by the margin is that far from the outline, up to rounding
 
 
@@ -48,7 +49,7 @@ def under_bezel(reflector: Reflector, over_mm: float) -> Reflector:
 def housing(reflector: Reflector) -> SurfaceMesh:
     """A closed shell around a mirror, in mirror coordinates: a rounded rim before its edge, and a back behind it.
 
-    Only how it looks matters: it begins at the reflector's own outline, or at the hull of it where that is no one loop.
+    Only how it looks matters: it begins at the reflector's own edge (`edge_loop`).
     """
     edge = _edge(reflector)
     centre = edge.mean(axis=0)
@@ -78,11 +79,21 @@ def housing(reflector: Reflector) -> SurfaceMesh:
 
 
 def edge_loop(reflector: Reflector) -> Array:
-    """Points (n, 3) around what reflects: its outline where that is one loop, and else the hull of it in (x, y)."""
+    """Points (n, 3) around what reflects: the rim of a single face where that is one curve around all of it, and else the hull
+    in (x, y), as high as what reflects is beside it: of a solid, its front."""
     points = reflector.outline()
-    if reflector.only is not None and len(reflector.only.loops) == 1:
-        return points
+    if len(reflector.surfaces) == 1 and len(reflector.surfaces[0].rim) == 1:
+        rim = reflector.surfaces[0].rim[0].points
+        if np.array_equal(np.ptp(rim[:, :2], axis=0), np.ptp(points[:, :2], axis=0)):
+            return rim
     hull: Array = points[ConvexHull(points[:, :2]).vertices]
+    low = points[:, :2].min(axis=0)
+    size = NEAR * float(np.ptp(points[:, :2], axis=0).max())
+    cells = np.floor((points[:, :2] - low) / size).astype(np.intp) + 1
+    highest = np.full(cells.max(axis=0) + 2, -np.inf)
+    np.maximum.at(highest, tuple(cells.T), points[:, 2])
+    i, j = (np.floor((hull[:, :2] - low) / size).astype(np.intp) + 1).T
+    hull[:, 2] = np.max([highest[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)], axis=0)
     return hull
 
 

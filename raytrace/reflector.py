@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.bspline import BSplineSurface
 from mirror_cad.mesh import SurfaceMesh
@@ -16,6 +16,7 @@ from raytrace.embree import TriangleScene
 from raytrace.errors import TraceError
 from raytrace.patches import HeightField, Patches
 from raytrace.quadrics import TrimmedQuadric
+from raytrace.rim import Curve, rim_of
 from raytrace.trimming import Trimming
 
 if TYPE_CHECKING:
@@ -67,15 +68,33 @@ class TrimmedSurface:
                              "25 are traced: convert the face")
         return found
 
-    def outline(self) -> Array:
-        """Points of the loops (n, 3), mm."""
-        return self._edge
+    def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Points (…, 3), mm, at parameters that may lie beside the sheet by rounding."""
+        u_min, u_max, v_min, v_max = self.surface.domain
+        return self.surface.evaluate(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
 
     @cached_property
-    def _edge(self) -> Array:
-        u_min, u_max, v_min, v_max = self.surface.domain
-        return np.concatenate([self.surface.evaluate(np.clip(loop[:, 0], u_min, u_max), np.clip(loop[:, 1], v_min, v_max))
-                               for loop in self.loops])
+    def rim(self) -> tuple[Curve, ...]:
+        """The curves that bound it."""
+        return rim_of(self.evaluate, self.loops)
+
+    def outline(self) -> Array:
+        """Points (n, 3), mm, of its rim, and of where it bulges beyond that in x or y."""
+        return self._outline
+
+    @cached_property
+    def _outline(self) -> Array:
+        points = np.concatenate([np.empty((0, 3)), *(curve.points for curve in self.rim)])
+        if self.height_field is not None:
+            return points
+        u_min, u_max, v_min, v_max = self.trimming.box
+        u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(u_min, u_max, START_GRID + 1),
+                                                     np.linspace(v_min, v_max, START_GRID + 1)))
+        bulge = self.evaluate(u, v)[self.trimming.contains(u, v)]
+        if len(points):
+            low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+            bulge = bulge[((bulge[:, :2] < low) | (bulge[:, :2] > high)).any(axis=1)]
+        return np.concatenate([points, bulge])
 
     def untrimmed(self) -> TrimmedSurface:
         """The same face without its trimming: all of the sheet that it was cut from."""
@@ -159,6 +178,11 @@ class Reflector:
     def splines(self) -> tuple[TrimmedSurface, ...]:
         """Those of the surfaces that are B-splines."""
         return tuple(surface for surface in self.surfaces if isinstance(surface, TrimmedSurface))
+
+    @cached_property
+    def quadrics(self) -> tuple[TrimmedQuadric, ...]:
+        """Those of the surfaces that are planes, spheres and cylinders."""
+        return tuple(surface for surface in self.surfaces if isinstance(surface, TrimmedQuadric))
 
     @property
     def only(self) -> TrimmedSurface | None:

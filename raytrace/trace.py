@@ -18,6 +18,7 @@ from raytrace.reflector import Reflector, TrimmedSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 # An obstacle counts as in front of the mirror only by more than its own mesh error.
 OBSTACLE_MARGIN_MM = 0.2
@@ -153,21 +154,22 @@ def _units(eye: Array, rays: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Origins (n, 3), unit directions, and which rays are usable; the others get an origin and a direction that are."""
     units, valid = np.empty_like(rays), np.empty(len(rays), dtype=np.bool_)
     in_runs(lambda i, j: newton.unit_directions(rays[i:j], units[i:j], valid[i:j]), len(rays))
-    origins = np.broadcast_to(eye, rays.shape)
-    finite: NDArray[np.bool_] = np.asarray(np.isfinite(origins).all(axis=1))
-    if not finite.all():
-        origins = np.where(finite[:, None], origins, 0.0)
-        valid &= finite
-    return origins, units, valid
+    finite: Mask = np.asarray(np.isfinite(eye).all(axis=1))
+    valid &= finite
+    return np.broadcast_to(np.where(finite[:, None], eye, 0.0), rays.shape), units, valid
 
 
 # --- surfaces ---------------------------------------------------------------------------------------------------------
 
 
 def _on_surfaces(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> None:
-    """A single B-spline without a search where it can be met only once; what that leaves, and all else, with one."""
+    """Quadrics in closed form; a single B-spline without a search where it can be met only once; what that leaves, and all
+    else, with one."""
     only = reflector.only
-    if only is None:
+    if not reflector.splines:
+        _meet_quadrics(reflector.quadrics, eye, rays, out)
+        waiting = np.empty(0, dtype=np.intp)
+    elif only is None:
         waiting = np.arange(len(rays))
     else:
         field = only.height_field
@@ -195,30 +197,31 @@ def _search(reflector: Reflector, eye: Array, rays: Array) -> Trace:
             *arrays), eye, rays, found)
         return found
     origins, units, valid = _units(eye, rays)
-    found.status[:] = Status.MISSED
-    found.drop(np.arange(len(rays)))
-    for surface in reflector.surfaces:
-        if isinstance(surface, TrimmedQuadric):
-            _meet_quadric(surface, origins, units, found)
-        else:
-            _meet_spline(surface, origins, units, np.flatnonzero(valid), found)
-    found.status[~valid] = Status.INVALID
-    found.drop(np.flatnonzero(~valid))
+    if reflector.quadrics:
+        _meet_quadrics(reflector.quadrics, eye, rays, found)
+    else:
+        found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
+        found.drop(np.arange(len(rays)))
+    for surface in reflector.splines:
+        _meet_spline(surface, origins, units, np.flatnonzero(valid), found)
     return found
 
 
-def _meet_quadric(surface: TrimmedQuadric, origins: Array, units: Array, found: Trace) -> None:
-    """Results of the rays that meet a quadric before what they have met so far."""
-    distances, points, normals = surface.nearest(origins, units)
-    index = np.flatnonzero(distances < np.nan_to_num(found.distances, nan=np.inf))
-    d, normal = units[index], normals[index]
-    along = np.einsum("ij,ij->i", d, normal)
-    normal = np.where(along[:, None] > 0.0, -normal, normal)
-    found.status[index] = np.where(surface.one_sided & (along >= 0.0), Status.BEHIND, Status.REFLECTED)
-    found.points[index], found.normals[index], found.distances[index] = points[index], normal, distances[index]
-    found.directions[index] = d + 2.0 * np.abs(along)[:, None] * normal
-    behind = index[found.status[index] == Status.BEHIND]
-    found.points[behind] = found.normals[behind] = found.directions[behind] = np.nan
+def _meet_quadrics(surfaces: tuple[TrimmedQuadric, ...], eye: Array, rays: Array, found: Trace) -> None:
+    """What rays meet first of some quadrics; results are new."""
+    origins = eye.ravel()
+    finite: Mask = np.asarray(np.isfinite(eye).all(axis=1))
+    points, normals, reflected = found.points.ravel(), found.normals.ravel(), found.directions.ravel()
+
+    def work(i: int, j: int) -> None:
+        units, valid, three = np.empty((j - i, 3)), np.empty(j - i, dtype=np.bool_), slice(3 * i, 3 * j)
+        newton.unit_directions(rays[i:j], units, valid)
+        valid &= finite if len(finite) == 1 else finite[i:j]
+        for number, surface in enumerate(surfaces):
+            surface.meet(number == 0, origins if origins.size == 3 else origins[three], units.ravel(), valid, found.status[i:j],
+                         points[three], normals[three], reflected[three], found.distances[i:j])
+
+    in_runs(work, len(rays))
 
 
 def _meet_spline(surface: TrimmedSurface, origins: Array, units: Array, waiting: Index, found: Trace) -> None:

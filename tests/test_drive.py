@@ -255,7 +255,7 @@ def test_a_body_without_paint_a_broken_one_and_two_mirrors_of_one_name_are_refus
 def test_a_mirror_mesh_in_metres_is_refused_with_its_size(tmp_path: Path, scene: SceneFile) -> None:
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-0.115, 0.115, 5), np.linspace(-0.16, 0.16, 5)))
     lines = [f"v {a} {b} {-(a * a + b * b) / 2.0}" for a, b in zip(x, y, strict=True)]
-    lines += [f"f {k} {k + 1} {k + 6}" for k in range(1, 20) if k % 5] + [f"f {k} {k + 6} {k + 5}" for k in range(1, 20) if k % 5]
+    lines += [f"f {k} {k + a} {k + b}" for a, b in ((1, 6), (6, 5)) for k in range(1, 20) if k % 5]
     (tmp_path / "metres.obj").write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(MirrorError, match=r"metres: the mesh is 0\.32 mm across .* was it written in metres"):
         driven_mirror(str(tmp_path / "metres.obj"), scene)

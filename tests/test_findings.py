@@ -24,7 +24,7 @@ from mirror_studio.report.drawing import Panel, drawing, nice_ticks, tick_texts
 from mirror_studio.report.fields import deviation_fields, percent_of
 from mirror_studio.report.findings import find, write_findings
 from mirror_studio.report.histogram import histogram
-from mirror_studio.report.lane_image import CURVE, TANGENT, lane_image, marked_view
+from mirror_studio.report.marked_view import CURVE, TANGENT, lane_image, marked_view
 from mirror_studio.report.probe import probe
 from mirror_studio.report.step_change import step_change
 from mirror_studio.report.uncertainty import uncertainty

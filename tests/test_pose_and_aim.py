@@ -10,7 +10,7 @@ import pytest
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.aim import Aim, RearEdge, aimed, shown_aim
-from raytrace.bezel import housing, under_bezel
+from raytrace.bezel import AROUND, RIM_STEPS, housing, under_bezel
 from raytrace.errors import TraceError
 from raytrace.pose import Pose
 from raytrace.vehicle import Eyes, OwnVehicle
@@ -198,10 +198,10 @@ def test_the_housing_is_a_closed_shell_that_leaves_the_mirror_free(progressive: 
     for reflector in (progressive, plane):
         shell = housing(reflector)
         corners = shell.vertices[shell.faces]
-        # Sideways and backwards its faces look outwards.
+        # Behind the rim, sideways and backwards, its faces look outwards.
         middle, normal = corners.mean(axis=1), np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         outward = np.einsum("ij,ij->i", normal, middle - shell.vertices.mean(axis=0))
-        assert (outward[middle[:, 2] < shell.vertices[:, 2].max() - 10.0] > 0.0).all()
+        assert (outward[2 * AROUND * RIM_STEPS:] > 0.0).all()
     seen = View(progressive, posed(15.0, 3.0), EYE)
     with_housing = View(raytrace.Reflector(progressive.surfaces, obstacles=housing(progressive)), seen.pose, EYE)
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-90, 90, 30), np.linspace(-110, 110, 30)))

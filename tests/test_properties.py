@@ -99,7 +99,8 @@ def law_is_realised(horizontal: dict[str, Any], vertical: dict[str, Any]) -> Non
     # Nor can it where the circles all but end at the mirror's upper edge: slopes of 75° and more, whose curvature grows with
     # the third power of 1/cos.
     x_min, x_max, y_min, y_max = mirror.box
-    steep = np.abs(mirror.curvature.vertical(np.linspace(x_min, x_max, 201))).max() * max(-y_min, y_max) > np.sin(np.radians(75.0))
+    sine = np.abs(mirror.curvature.vertical(np.linspace(x_min, x_max, 201))).max() * max(-y_min, y_max)
+    steep = sine > np.sin(np.radians(75.0))
     if (swinging or steep) and not mirror.fit.met:
         assert np.isfinite(ours).all()
         return

@@ -17,7 +17,7 @@ from mirror_cad.quadric import Quadric
 from raytrace.aim import Aim, aimed
 from raytrace.eye import eye_position
 from raytrace.measures.column_tilt import column_tilt
-from raytrace.measures.edge import edge_of, roots
+from raytrace.measures.edge import _looked_for, edge_of, roots
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.line_bow import ARCMIN, line_bow
 from raytrace.measures.line_image import LineView, StraightLine, column, line_images, road_line
@@ -333,12 +333,14 @@ def test_a_mesh_with_interpolated_normals_bends_a_line_as_its_surface_does() -> 
 def test_an_edge_that_is_looked_for_is_the_outline() -> None:
     view = view_of("progressive-b")
     known = edge_of(view)
-    hidden = View(replace(view.reflector, obstacles=far_away()), view.pose, EYE)
-    found = edge_of(hidden)
+    in_the_way_of_nothing = View(replace(view.reflector, obstacles=far_away()), view.pose, EYE)
+    assert np.array_equal(edge_of(in_the_way_of_nothing).places, known.places)
+    found = _looked_for(view)
     assert len(found.places) < len(known.places) < 10_000
 
     def area(edge: raytrace.measures.edge.Edge) -> float:
-        a, b, c = edge.places, edge.middles, edge.places[edge.following]
+        k = np.arange(len(edge.places))
+        a, b, c = edge.places, edge.way(k, np.full(len(k), 0.5)), edge.places[edge.following]
         return abs(float(0.5 * sum(np.sum(p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]) for p, q in ((a, b), (b, c)))))
 
     assert area(found) == pytest.approx(area(known), rel=2e-5)  # chords of 0.6 mm, in corners of 40 mm

@@ -6,7 +6,7 @@ import io
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -243,14 +243,6 @@ def test_faults_of_a_specification_are_the_programs_own_words(uploads: Uploads) 
     assert caught.value.faults == wanted.value.faults
 
 
-def test_every_number_of_a_specification_has_a_control() -> None:
-    """Keys of the models, tables' rows apart (they have rows of inputs) and files (they have buttons)."""
-    controls = {control.key.removesuffix(".0").removesuffix(".1") for group in GROUPS for control in group.controls}
-    others = {"horizontal.x_mm", "vertical.x_mm", "horizontal.curvature_per_mm", "vertical.curvature_per_mm", "outline.file"}
-    missing = {key for key in _keys(MirrorSpec) if key not in controls | others and not key.startswith("part.")}
-    assert not missing
-
-
 def test_sliders_stay_within_what_the_specification_takes() -> None:
     """Both ends of every slider are accepted for the key by itself."""
     for group in GROUPS:
@@ -268,20 +260,6 @@ def test_sliders_stay_within_what_the_specification_takes() -> None:
                 for key in reversed(rest):
                     content = [content, 0.0] if key in "01" else {key: content}
                 model.model_validate(content)
-
-
-def _keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    for name, info in model.model_fields.items():
-        if name == "match":
-            yield from _keys(next(one for one in get_args(info.annotation) if isinstance(one, type)), f"{prefix}match.")
-            continue
-        kinds = [info.annotation, *get_args(info.annotation)]
-        nested = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
-        if nested:
-            for kind in nested:
-                yield from _keys(kind, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}"
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------

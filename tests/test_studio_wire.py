@@ -68,14 +68,15 @@ def ask(studio: Studio, method: str, path: str, body: bytes | None = None, **hea
 # --- start and end ----------------------------------------------------------------------------------------------------
 
 
-def test_interrupt_ends_it_with_0_also_while_a_page_is_open_and_leaves_nothing_behind() -> None:
-    before = set(Path("/tmp").glob("mirror-cad-studio*"))
+def test_interrupt_ends_it_with_0_also_while_a_page_is_open_and_leaves_nothing_behind(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     with running() as one, wire(one) as connection:
         connection.send(design(1))
         assert answer(connection)["type"] == "shown"
         assert one.stop() == 0
         assert not one.said
-    assert set(Path("/tmp").glob("mirror-cad-studio*")) <= before
+        assert not list(tmp_path.iterdir())
 
 
 def test_a_port_in_use_is_said_with_code_2(studio: Studio) -> None:

@@ -544,6 +544,81 @@ def test_faces_of_several_turns_and_rays_in_a_seam_are_met() -> None:
         assert trace.distances[0] == pytest.approx(50.0, abs=1e-9)
 
 
+def test_a_mirror_of_another_program_has_no_slit_along_its_seam(tmp_path: Path) -> None:
+    """A sphere's cap cut out by a box: the pole in its middle, the seam from there to its edge."""
+    from build123d import Box, Pos, Sphere
+
+    from mirror_cad.occt.step import Part, write_step
+
+    cap = Pos(0, 0, -950) * Sphere(950) & Box(230, 320, 100)
+    write_step(tmp_path / "cap.step", [Part(cap.wrapped, "cap")], "cap")
+    reflector = raytrace.load_reflector(tmp_path / "cap.step")
+    along = np.concatenate([[0.0], np.geomspace(1e-12, 1.0, 60), np.linspace(1.0, 114.9, 200)])
+    beside = np.concatenate([[0.0], np.geomspace(1e-16, 1e-6, 21)])
+    x, y = (axis.ravel() for axis in np.meshgrid(np.concatenate([along, -along]), np.concatenate([beside, -beside])))
+    down = np.tile([0.0, 0.0, -1.0], (len(x), 1))
+    for places in (np.stack([x, y, np.full(len(x), 10.0)], axis=1), np.stack([y, x, np.full(len(x), 10.0)], axis=1)):
+        trace = raytrace.reflect(reflector, places, down)
+        assert trace.counts() == {"reflected": len(x)}
+        assert np.abs(np.linalg.norm(trace.points + [0.0, 0.0, 950.0], axis=1) - 950.0).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+def test_rays_that_start_on_a_quadric_leave_it_or_meet_its_other_side(kind: str) -> None:
+    """From a place on it, inwards: a chord of 2R·cos θ, in the plane across the axis; outwards and along it: nothing."""
+    rng = np.random.default_rng(3)
+    centre, radius = np.array([300.0, -200.0, 50.0]), 40.0
+    loop = rectangle(0.0, 2 * np.pi, -0.5 * np.pi, 0.5 * np.pi) if kind == "sphere" else rectangle(0.0, 2 * np.pi, -50.0, 50.0)
+    face = TrimmedQuadric(Quadric(kind, centre, np.eye(3), radius), (loop,), one_sided=False)  # type: ignore[arg-type]
+    reflector = raytrace.Reflector((face,))
+    u = rng.uniform(-np.pi, np.pi, 2000)
+    normal = np.stack([np.cos(u), np.sin(u), np.zeros(2000)], axis=1)
+    across = np.stack([-np.sin(u), np.cos(u), np.zeros(2000)], axis=1)
+    on = centre + radius * normal
+    angle = np.concatenate([rng.uniform(-1.5, 1.5, 1000), 0.5 * np.pi - np.geomspace(1e-6, 1e-1, 1000)])
+    inwards = -np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * across
+    trace = raytrace.reflect(reflector, on, inwards)
+    assert trace.counts() == {"reflected": 2000}
+    # The start is off by the rounding of 300 mm, 6e-14; along the ray that is 1/cos θ as much.
+    assert (np.abs(trace.distances - 2.0 * radius * np.cos(angle)) * np.cos(angle)).max() < 3e-13
+    leaves = np.einsum("ij,ij->i", trace.directions, trace.normals)
+    assert (np.abs(leaves - np.cos(angle)) * np.cos(angle)).max() < 1e-14
+    assert raytrace.reflect(reflector, on, -inwards).counts() == {"missed": 2000}
+    # A bounce after a bounce is as long.
+    again = raytrace.reflect(reflector, trace.points, trace.directions)
+    assert (np.abs(again.distances - trace.distances) * np.cos(angle)).max() < 6e-13
+
+
+def test_a_cone_is_met_beside_its_apex_and_at_it(tmp_path: Path) -> None:
+    """x² + y² = (2/3)²·(45 − z)² below the apex (0, 0, 45): a quadratic along the ray."""
+    from build123d import Cone
+
+    from mirror_cad.occt.step import Part, write_step
+
+    path = tmp_path / "cone.step"
+    write_step(path, [Part(Cone(60, 0, 90).wrapped, "cone")], "cone")
+    reflector = raytrace.load_reflector(path)
+    eye, k = np.array([300.0, 20.0, 200.0]), (2.0 / 3.0) ** 2
+    rng = np.random.default_rng(4)
+    size = np.repeat(np.geomspace(1e-6, 1.0, 7), 300)[:, None]
+    rays = np.array([0.0, 0.0, 45.0]) + size * rng.normal(size=(2100, 3)) - eye
+    d = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    o = eye - [0.0, 0.0, 45.0]
+    a = d[:, 0] ** 2 + d[:, 1] ** 2 - k * d[:, 2] ** 2
+    b = o[0] * d[:, 0] + o[1] * d[:, 1] - k * o[2] * d[:, 2]
+    root = b * b - a * (o[0] ** 2 + o[1] ** 2 - k * o[2] ** 2)
+    trace = raytrace.reflect(reflector, eye, rays)
+    with np.errstate(invalid="ignore"):
+        t = np.sort(np.stack([(-b - np.sqrt(root)) / a, (-b + np.sqrt(root)) / a], axis=1), axis=1)
+        below = eye[2] + t * d[:, 2:] < 45.0
+    first = np.where(below[:, 0], t[:, 0], np.where(below[:, 1], t[:, 1], np.nan))
+    clear = np.abs(root) > 1e-11 * b * b  # else the quadratic itself does not say
+    assert clear.sum() > 1000
+    met = trace.status == Status.REFLECTED
+    assert np.array_equal(met[clear], np.isfinite(first[clear]))
+    assert np.nanmax(np.abs(trace.distances[clear] - first[clear])) < 1e-7  # the root of a difference of 1e-11
+
+
 def test_results_may_be_the_rays_of_the_next_trace() -> None:
     reflector = raytrace.Reflector.from_mirror(designed("progressive-c"))
     rng = np.random.default_rng(2)

@@ -57,7 +57,7 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
     columns: Any = (("horizontal magnification", lambda m: m.magnification.magnification.horizontal, "viridis", None),
                     ("vertical magnification", lambda m: m.magnification.magnification.vertical, "viridis", None),
                     ("horizontal over vertical", lambda m: m.magnification.magnification.ratio, "PuOr", 1.0),
-                    ("binocular disparity, %", lambda m: m.disparity.percent, "RdBu_r", 0.0))
+                    ("binocular disparity, %", _disparity, "RdBu_r", 0.0))
     figure = Figure(figsize=(11.0, 0.5 + 3.3 * len(mirrors)), dpi=DPI, layout="constrained")
     grid: Any = figure.subplots(len(mirrors), len(columns), squeeze=False)
     for j, (title, values_of, colours, centre) in enumerate(columns):
@@ -90,23 +90,10 @@ def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
         axes.set_axis_off()
     for axes, each in zip(grid.ravel(), mirrors, strict=False):
         mirror_axes(axes, each.mirror.reflector, each.mirror.name, labels=axes is grid[-1, 0])
-        found = each.grid
-        nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
-        # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
-        places = each.mirror.views.middle.whole.sight(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
-        for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
-            for line, angle in zip(lines, degrees, strict=True):
-                fifth = round(float(angle)) % 5 == 0
-                axes.plot(line[:, 0], line[:, 1], color=FAINT if not fifth else "#8d979f", linewidth=0.35 if not fifth else 0.7)
-        horizon = np.flatnonzero(np.abs(found.elevation_deg) < 1e-9)
-        if horizon.size:
-            axes.plot(*places[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
-        if each.bow is not None:
-            line = each.bow.image.on_mirror[:, :2]
-            axes.plot(*line.T, color=LANE, linewidth=1.8, label="lane line")
-            axes.plot(*line[[0, -1]].T, color=LANE, linewidth=0.7, linestyle=(0, (4, 3)), label="its chord")
-        if each.tilt is not None:
-            axes.plot(*each.tilt.image.on_mirror[:, :2].T, color=COLUMN, linewidth=2.2, label="column")
+        if each.orientation.twice:
+            said_twice(axes)
+            continue
+        _lines(axes, each)
         edge = outline_of(each.mirror.reflector)
         axes.fill(np.concatenate([edge[:, 0], _around(axes)[:, 0]]), np.concatenate([edge[:, 1], _around(axes)[:, 1]]),
                   color="white", zorder=3, linewidth=0)
@@ -114,6 +101,37 @@ def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
     handles = {label: handle for axes in grid.ravel() for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
     save(figure, path)
+
+
+def _lines(axes: Axes, each: Measured) -> None:
+    """The grid, the horizon, the lane line and the column, each in the mirror."""
+    found = each.grid
+    nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
+    # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
+    places = each.mirror.views.middle.whole.sight(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
+    for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
+        for line, angle in zip(lines, degrees, strict=True):
+            fifth = round(float(angle)) % 5 == 0
+            axes.plot(line[:, 0], line[:, 1], color=FAINT if not fifth else "#8d979f", linewidth=0.35 if not fifth else 0.7)
+    horizon = np.flatnonzero(np.abs(found.elevation_deg) < 1e-9)
+    if horizon.size:
+        axes.plot(*places[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
+    if each.bow is not None:
+        line = each.bow.image.on_mirror[:, :2]
+        axes.plot(*line.T, color=LANE, linewidth=1.8, label="lane line")
+        axes.plot(*line[[0, -1]].T, color=LANE, linewidth=0.7, linestyle=(0, (4, 3)), label="its chord")
+    if each.tilt is not None:
+        axes.plot(*each.tilt.image.on_mirror[:, :2].T, color=COLUMN, linewidth=2.2, label="column")
+
+
+def said_twice(axes: Axes) -> None:
+    """In place of what is not measured."""
+    axes.text(0.5, 0.5, "some things are shown twice:\nnot measured", transform=axes.transAxes, fontsize=SIZE, color=INK,
+              ha="center", va="center", zorder=9)
+
+
+def _disparity(each: Measured) -> Array:
+    return np.full_like(each.disparity.percent, np.nan) if each.orientation.twice else each.disparity.percent
 
 
 def _around(axes: Axes) -> Array:
@@ -169,9 +187,11 @@ def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
         for edge in (low, high):
             grid[0].plot(yaw, edge, color=colour, linewidth=1.4, linestyle=style,
                          label=each.mirror.name if edge is low else None)
-        grid[1].plot(yaw, np.array(turned["blind_length_m"], dtype=np.float64), color=colour, linewidth=1.6, linestyle=style)
+        length, endless = np.array(turned["blind_length_m"], dtype=np.float64), np.array(turned["blind_endless"])
+        grid[1].plot(yaw, length, color=colour, linewidth=1.6, linestyle=style)
+        grid[1].plot(yaw[endless], length[endless], color=colour, linestyle="none", marker="^", markersize=6)
     for axes, title in zip(grid, ("azimuths shown on the horizon's row, ° from straight rearward (+ to the right)",
-                                  "length of the lane beside that is in no view, m"), strict=True):
+                                  "length of the lane beside that is in no view, m (▲ and more)"), strict=True):
         axes.set_title(title, fontsize=SIZE, color=INK, loc="left")
         axes.set_xlabel("yaw beside the aim, ° (+ turns the face towards the vehicle)", fontsize=SMALL, color=SOFT)
         axes.tick_params(labelsize=SMALL, colors=SOFT, length=2.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_z
 from raytrace.measures.column_tilt import Tilt, column_tilt
 from raytrace.measures.disparity import Disparity, disparity
 from raytrace.measures.eye_fields import EyeFields, extent, eye_fields
+from raytrace.measures.eye_views import EyeViews
 from raytrace.measures.field_of_view import GlassSheets
 from raytrace.measures.grid_distortion import GridDistortion, grid_distortion
 from raytrace.measures.ground import (
@@ -36,6 +37,7 @@ from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.line_bow import Bow, line_bow
 from raytrace.measures.line_image import column, road_line
 from raytrace.measures.magnification import MagnificationMap, magnification_map
+from raytrace.measures.orientation import Orientation, orientation
 from raytrace.measures.road_straightness import RoadStraightness, road_straightness
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
@@ -43,6 +45,10 @@ from raytrace.view import box_of
 
 Array = NDArray[np.float64]
 
+WAYS = {"upright": "upright", "inverted": "upside down and left for right", "reversed": "turned over in one direction",
+        "mixed": "some things twice"}
+LOCAL = ("aim", "image", "magnification", "turned")  # these hold where things are shown twice
+ASKED_AT = ("distance_m", "at_m", "height_m")  # what a figure of a list is measured at
 TURNS = np.radians(np.arange(-10.0, 10.5, 1.0))  # of the yaw, about the aim
 
 
@@ -82,6 +88,7 @@ class Measured:
     blind: tuple[BlindZone, ...]
     hidden: HiddenCar
     coverage: YawCoverage
+    orientation: Orientation
 
 
 def subject_of(scene: SceneFile, bodies: Mapping[str, Body]) -> Subject:
@@ -120,7 +127,15 @@ def measure(mirror: DrivenMirror, subject: Subject) -> Measured:
         column_tilt(middle, column(*subject.column), own) if subject.column else None,
         seen_ground(left, right, own), seen_widths(left, right, own, subject.widths_at), nearest_at_flank(left, right, own),
         blind, hidden_car(blind, subject.lane),
-        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, own, subject.lane, TURNS, 0.0, subject.direct_view))
+        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, own, subject.lane, TURNS, 0.0, subject.direct_view),
+        shown_round(views))
+
+
+def shown_round(views: EyeViews) -> Orientation:
+    """Which way round the mirror shows things, from between the eyes; `twice` if it shows any of them twice to an eye."""
+    middle = orientation(views.middle)
+    return replace(middle, twice=middle.twice or (middle.converging and any(orientation(view).twice
+                                                                           for view in (views.left, views.right))))
 
 
 def plane_straightness(mirror: DrivenMirror) -> float | None:
@@ -137,27 +152,52 @@ def plane_straightness(mirror: DrivenMirror) -> float | None:
     return lane_straightness(sheets or only.surface, eye, lane, box)
 
 
-def main_figures(mirror: DrivenMirror, subject: Subject) -> dict[str, float | None]:
-    """The figures whose changes are worth following while a mirror is turned or bent; None for what it does not show."""
+def main_figures(mirror: DrivenMirror, subject: Subject) -> dict[str, float | bool | None]:
+    """The figures whose changes are worth following while a mirror is turned or bent; None for what it does not show.
+    blind_endless : whether the blind zone goes on where looking ends."""
+    found: dict[str, float | bool | None] = dict.fromkeys(
+        ("horizon_either_deg", "flank_share", "horizon_share", "width_at_20_m", "blind_length_m", "blind_endless"))
     try:
         views = mirror.views
     except TraceError:  # turned away from an eye
-        return dict.fromkeys(("horizon_either_deg", "flank_share", "horizon_share", "width_at_20_m", "blind_length_m"))
+        return found
     aim = mirror.shown()
+    found |= {"flank_share": _number(aim.flank), "horizon_share": _number(aim.horizon)}
+    if shown_round(views).twice:
+        return found
     blind = blind_zone(views.left, views.right, mirror.own, subject.lane, 0.0, subject.direct_view)
     width = seen_widths(views.left, views.right, mirror.own, (20_000.0,))[0]
-    return {"horizon_either_deg": extent(eye_fields(views, mirror.own).horizon_clear.either), "flank_share": _number(aim.flank),
-            "horizon_share": _number(aim.horizon), "width_at_20_m": width.either_mm / MM,
-            "blind_length_m": blind.length_mm / MM}
+    return found | {"horizon_either_deg": extent(eye_fields(views, mirror.own).horizon_clear.either),
+                    "width_at_20_m": width.either_mm / MM, "blind_length_m": blind.length_mm / MM,
+                    "blind_endless": blind.endless}
 
 
 def figures(measured: Measured) -> dict[str, Any]:
-    """Every figure, as measures.json holds it: a number, a list of numbers, or null for what the mirror does not show."""
+    """Every figure, as measures.json holds it: a number, a list of numbers, or null for what the mirror does not show.
+
+    Of a mirror that shows some things twice, all that is bounded by its edge or found by the inverse ray is null: it would be
+    told wrongly (`raytrace.measures.orientation`).
+    """
+    found = _figures(measured)
+    if measured.orientation.twice:
+        found |= {key: _unmeasured(value) for key, value in found.items() if key not in LOCAL}
+    return found
+
+
+def _unmeasured(value: Any) -> Any:
+    """The same keys with null for every figure, but for the places at which it is asked for."""
+    if isinstance(value, dict):
+        return {key: one if key in ASKED_AT else _unmeasured(one) for key, one in value.items()}
+    return [_unmeasured(one) for one in value] if isinstance(value, list) and value and isinstance(value[0], dict) else None
+
+
+def _figures(measured: Measured) -> dict[str, Any]:
     size, grid, bow, tilt = measured.magnification.magnification, measured.grid, measured.bow, measured.tilt
     row, column_of = (int(np.argmin(np.abs(axis))) for axis in (measured.magnification.y, measured.magnification.x))
     disparity_ = measured.disparity
     return {
         "aim": _aim(measured),
+        "image": {"way": WAYS[measured.orientation.way], "twice": measured.orientation.twice},
         "field_deg": _fields(measured.fields),
         "magnification": {name: _spread(values, row, column_of) for name, values in (
             ("horizontal", size.horizontal), ("vertical", size.vertical), ("ratio", size.ratio))},
@@ -215,7 +255,7 @@ def turned_figures(measured: Measured) -> dict[str, Any]:
     return {"yaw_deg": np.degrees(turned.turns).round(9).tolist(),
             "azimuth_from_deg": _numbers(side * (180.0 - np.degrees(turned.azimuth_from))),
             "azimuth_to_deg": _numbers(side * (180.0 - np.degrees(turned.azimuth_to))),
-            "blind_length_m": _numbers(turned.blind_mm / MM)}
+            "blind_length_m": _numbers(turned.blind_mm / MM), "blind_endless": turned.endless.tolist()}
 
 
 def _spread(values: Array, row: int, column_of: int) -> dict[str, float | None]:

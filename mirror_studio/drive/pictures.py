@@ -16,7 +16,7 @@ from raytrace.camera import Camera
 from raytrace.image import photograph
 from raytrace.measures.magnification import mirror_grid, ray_differentials
 from raytrace.scene.bodies import Body
-from raytrace.scene.driven import Cones, DrivenWorld
+from raytrace.scene.driven import Cones, DrivenWorld, Lit
 from raytrace.scene.lit_world import LitWorld
 from raytrace.scene.reference import Picture
 from raytrace.scene.woods import Woods
@@ -51,8 +51,16 @@ class World:
 
     def beside(self, mirror: DrivenMirror) -> LitWorld:
         """What the driver sees past a mirror, looking ahead: its housing, and nothing of the vehicle that he sits in."""
-        near = tuple(body for body in self.bodies[self.own:] if body.vertices[:, 0].min() < SHADOWS_FROM_MM)
-        return LitWorld((*near, housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight, self.woods)
+        return LitWorld((*self._near, housing_body(housing(mirror.whole), mirror.pose)), self.road, self.daylight, self.woods)
+
+    @cached_property
+    def past(self) -> LitWorld:
+        """What the driver sees where no mirror is in the way."""
+        return LitWorld(self._near, self.road, self.daylight, self.woods)
+
+    @cached_property
+    def _near(self) -> tuple[Body, ...]:
+        return tuple(body for body in self.bodies[self.own:] if body.vertices[:, 0].min() < SHADOWS_FROM_MM)
 
 
 def both_eyes(mirror: DrivenMirror, world: World, progress: Callable[[float], None] | None = None, width: int = EYE_WIDTH_PX,
@@ -69,7 +77,7 @@ def both_eyes(mirror: DrivenMirror, world: World, progress: Callable[[float], No
     return np.concatenate(pictures, axis=1), dict(sorted(counts.items()))
 
 
-def eye_picture(mirror: DrivenMirror, view: View, world: World, beside: LitWorld, width: int, height: int,
+def eye_picture(mirror: DrivenMirror, view: View, world: World, beside: Lit, width: int, height: int,
                 progress: Callable[[float], None] | None = None) -> tuple[Picture, dict[str, int]]:
     """What one eye sees, looking at the middle of the mirror: the mirror, its housing, and the world beside it."""
     camera, pixel = camera_at(mirror, view, width, height)

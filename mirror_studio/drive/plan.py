@@ -10,17 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
-from numpy.typing import NDArray
 
-from mirror_studio.drive.drawings import DPI, FAINT, INK, LEFT_EYE, RIGHT_EYE, SIZE, SMALL, SOFT, save
+from mirror_studio.drive.drawings import DPI, FAINT, INK, LEFT_EYE, RIGHT_EYE, SIZE, SMALL, SOFT, said_twice, save
+from mirror_studio.drive.in_plan import Array, without_cuts
 from mirror_studio.drive.measured import Measured
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
 
-Array = NDArray[np.float64]
-
 REACH_M = (-6.0, 42.0)  # along the road: beyond, what is seen only grows on
-CUT_M = 0.3  # longer pieces across the road are no edge of what is seen
 BOTH, BLIND = "#8fbfe0", "#e69f00"
 
 
@@ -45,16 +42,6 @@ def ground_plans(path: Path, mirrors: Sequence[Measured], scene: SceneFile, foot
     save(figure, path)
 
 
-def _without_cuts(outline: Array) -> Array:
-    """A closed outline (n, 2), broken where it runs across the road: there it only touches the next of its eye's outlines, or
-    the plan ends."""
-    closed = np.concatenate([outline, outline[:1]])
-    step = np.abs(np.diff(closed, axis=0))
-    cut = np.flatnonzero((step[:, 0] < 1e-6) & (step[:, 1] > CUT_M))
-    broken: Array = np.insert(closed, cut + 1, np.nan, axis=0)
-    return broken
-
-
 def _across(mirrors: Sequence[Measured]) -> tuple[float, float]:
     """Y, m: from the vehicle's other side to as far as there is room for."""
     left = mirrors[0].mirror.pose.hand == "left"
@@ -65,20 +52,17 @@ def _plan(axes: Axes, each: Measured, scene: SceneFile, footprints: Sequence[tup
     low, high = _across([each])
     axes.set_aspect("equal")
     axes.set_xlim(*REACH_M)
-    axes.set_ylim(max(low, high), min(low, high))  # Y to the right of the vehicle is downwards where X runs to the right
+    axes.set_ylim(min(low, high), max(low, high))  # seen from above: with X rearward to the right, Y to the right is upwards
     if scene.road is not None:
         axes.add_patch(Rectangle((REACH_M[0], scene.road.left_m), REACH_M[1] - REACH_M[0],
                                  scene.road.right_m - scene.road.left_m, facecolor="#eceeef", zorder=0, linewidth=0))
         for line in scene.road.line:
             colour = "#d9a400" if line.colour == "yellow" else "#9aa5ae"
             axes.axhline(line.y_m, color=colour, linewidth=1.0, dashes=(6, 6) if line.dash_m else (None, None), zorder=2)
-    for outline in each.ground.both.outlines:
-        axes.add_patch(Polygon(outline / MM, facecolor=BOTH, alpha=0.75, linewidth=0, zorder=1))
-    for seen, colour in ((each.ground.left, LEFT_EYE), (each.ground.right, RIGHT_EYE)):
-        for outline in seen.outlines:
-            axes.plot(*_without_cuts(outline / MM).T, color=colour, linewidth=1.1, zorder=3)
-    for outline in each.blind[-1].outlines:
-        axes.add_patch(Polygon(outline / MM, facecolor=BLIND, alpha=0.55, linewidth=0, zorder=2))
+    if each.orientation.twice:
+        said_twice(axes)
+    else:
+        _seen_and_blind(axes, each, low)
     own = each.mirror.own
     axes.add_patch(Rectangle((own.front_mm / MM, -own.half_width_mm / MM), (own.rear_mm - own.front_mm) / MM,
                              2.0 * own.half_width_mm / MM, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4))
@@ -91,13 +75,24 @@ def _plan(axes: Axes, each: Measured, scene: SceneFile, footprints: Sequence[tup
         axes.plot(eye[0] / MM, eye[1] / MM, marker="o", markersize=2.5, color=colour, zorder=6)
     at = each.mirror.pose.to_vehicle(np.zeros(3)) / MM
     axes.plot(at[0], at[1], marker="|", markersize=7, color=INK, zorder=6)
+    axes.tick_params(labelsize=SMALL, colors=SOFT, length=2.5)
+    axes.set_ylabel("Y, m", fontsize=SMALL, color=SOFT)
+    for spine in axes.spines.values():
+        spine.set_color(FAINT)
+
+
+def _seen_and_blind(axes: Axes, each: Measured, low: float) -> None:
+    """The ground that each eye sees, the blind zone, and the widths seen."""
+    for outline in each.ground.both.outlines:
+        axes.add_patch(Polygon(outline / MM, facecolor=BOTH, alpha=0.75, linewidth=0, zorder=1))
+    for seen, colour in ((each.ground.left, LEFT_EYE), (each.ground.right, RIGHT_EYE)):
+        for outline in seen.outlines:
+            axes.plot(*(without_cuts(outline) / MM).T, color=colour, linewidth=1.1, zorder=3)
+    for outline in each.blind[-1].outlines:
+        axes.add_patch(Polygon(outline / MM, facecolor=BLIND, alpha=0.55, linewidth=0, zorder=2))
     for seen_width in each.widths:
         for span in seen_width.either:
             axes.plot([seen_width.x_mm / MM] * 2, np.clip(span / MM, -60.0, 60.0), color=SOFT, linewidth=0.8, zorder=3)
         if seen_width.either_mm > 0.0:
             axes.text(seen_width.x_mm / MM + 0.2, 1.7 * np.sign(-low), f"{seen_width.either_mm / MM:.1f} m", fontsize=6.5,
                       color=SOFT, va="center", zorder=5)
-    axes.tick_params(labelsize=SMALL, colors=SOFT, length=2.5)
-    axes.set_ylabel("Y, m", fontsize=SMALL, color=SOFT)
-    for spine in axes.spines.values():
-        spine.set_color(FAINT)

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
-
 from mirror_cad.spec_file import spec_as_json
 from mirror_studio.drive import drawings
+from mirror_studio.drive.in_plan import Array, footprint
 from mirror_studio.drive.measured import Measured, figures, main_figures, measure, subject_of
 from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
 from mirror_studio.drive.pictures import World, both_eyes
@@ -24,10 +21,6 @@ from mirror_studio.folder import MANIFEST, new_set
 from mirror_studio.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
-
-Array = NDArray[np.float64]
-
-FLAT_MM = 1.0  # in plan: a line
 
 
 def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress) -> dict[str, Any]:
@@ -56,7 +49,7 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
             changes.append(sensitivity(mirror, lambda each: main_figures(each, subject), MM * scene.mirror.bezel_over_m))
         progress.step("drawings and sheet")
         content = _write(folder, scene, measured, changes, rays,
-                         [(name, _footprint(body.vertices)) for name, body in bodies.items()])
+                         [(name, footprint(body.vertices)) for name, body in bodies.items()])
     progress.step(f"done: open {out / 'index.html'}")
     return content
 
@@ -78,12 +71,3 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
                                    "versions": versions(), "files": hashes(folder)})
     return content
-
-
-def _footprint(vertices: Array) -> Array:
-    flat = vertices[:, :2]
-    (x0, y0), (x1, y1) = flat.min(axis=0), flat.max(axis=0)
-    if min(x1 - x0, y1 - y0) < FLAT_MM:  # it has no hull
-        return np.array([[x0, y0], [x1, y1]])
-    corners: Array = flat[ConvexHull(flat).vertices]
-    return corners

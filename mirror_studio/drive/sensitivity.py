@@ -14,7 +14,7 @@ from raytrace.bezel import under_bezel
 
 TURN_DEG, RADII = 1.0, 0.05  # what a driver's hand and a glass maker's tolerance are good for
 
-Figures = dict[str, float | None]
+Figures = dict[str, float | bool | None]
 
 
 def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures], over_mm: float) -> dict[str, Figures]:

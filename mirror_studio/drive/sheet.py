@@ -25,7 +25,7 @@ def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figu
     """Write index.html, which shows the pictures and drawings beside it."""
     groups = [(group, [(row, cells(row, figures)) for row in rows]) for group, rows in rows_of(figures[0])]
     mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
-                "sensitivity": [(name, [fixed(values[key], decimals) for key, _, decimals in SENSITIVE])
+                "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
@@ -34,6 +34,11 @@ def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figu
         direct=f"lane lines; direct view ends {plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])
     path.write_text(page, encoding="utf-8")
+
+
+def _sensitive(values: Mapping[str, Any], key: str, decimals: int) -> str:
+    """A figure with "≥" before the length of a zone that goes on where looking ends."""
+    return ("≥ " if key == "blind_length_m" and values["blind_endless"] else "") + fixed(values[key], decimals)
 
 
 def _caption(each: Measured, figures: Mapping[str, Any]) -> str:

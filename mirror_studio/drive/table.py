@@ -33,6 +33,8 @@ class Row:
 
 
 AIM = (
+    Row("image.way", "far things are shown", "", 0,
+        "beside a flat mirror; of one that shows some things twice, no field, size, line or ground is measured"),
     Row("aim.yaw_deg", "yaw", "°", 2,
         "about the vertical, from facing straight rearward towards the vehicle"),
     Row("aim.pitch_deg", "pitch", "°", 2,
@@ -139,11 +141,12 @@ def write_csv(path: Path, names: Sequence[str], figures: Sequence[Mapping[str, A
         for group, rows in rows_of(figures[0]):
             for row in rows:
                 values = (row.of(each) for each in figures)
-                writer.writerow([group, row.title, row.unit, *("" if one is None else repr(float(one)) for one in values)])
+                writer.writerow([group, row.title, row.unit, *(
+                    "" if one is None else one if isinstance(one, str) else repr(float(one)) for one in values)])
 
 
 def cells(row: Row, figures: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A row's values, to the decimals that it has; "≥" before what goes on where looking ends."""
+    """A row's values, to the decimals that it has, or words; "≥" before what goes on where looking ends."""
     zone = row.path.startswith("blind_zone.at.")
     return [("≥ " if zone and each["blind_zone"]["at"][int(row.path.split(".")[2])]["endless"] else "")
-            + fixed(row.of(each), row.decimals) for each in figures]
+            + (value if isinstance(value := row.of(each), str) else fixed(value, row.decimals)) for each in figures]

@@ -15,7 +15,7 @@ from mirror_studio.report.cuts import Cut, cuts, cuts_table
 from mirror_studio.report.fields import DeviationFields, deviation_fields, differences, percent_of
 from mirror_studio.report.heading import heading
 from mirror_studio.report.histogram import Histogram, histogram
-from mirror_studio.report.lane_image import LaneImage, lane_image
+from mirror_studio.report.marked_view import LaneImage, lane_image
 from mirror_studio.report.probe import Probe, probe
 from mirror_studio.report.stages import stages_table
 from mirror_studio.report.step_change import StepChange, step_change

@@ -16,8 +16,8 @@ from mirror_studio.report.fields import LARGEST_PERCENT, QUANTITIES, DeviationFi
 from mirror_studio.report.findings import Findings
 from mirror_studio.report.heading import HANDS, SIGNATURES, contradictions, heading
 from mirror_studio.report.histogram import histogram_figure
-from mirror_studio.report.lane_image import marked_view
 from mirror_studio.report.maps import deviation_maps, pair_maps
+from mirror_studio.report.marked_view import marked_view
 from mirror_studio.report.rows import change_rows, probe_rows, requirement_groups
 from mirror_studio.report.side_by_side import side_by_side
 from mirror_studio.report.stages import (

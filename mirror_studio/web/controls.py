@@ -35,11 +35,12 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Controls under one heading."""
+    """Controls under one heading.   view : the view that they are there for; "" for all."""
 
     title: str
     controls: tuple[Control, ...]
     open: bool = False
+    view: Literal["", "road"] = ""
 
 
 LAWS = (("constant", "constant"), ("linear", "linear"), ("power", "power"), ("zones", "zones"), ("table", "table"),
@@ -88,7 +89,24 @@ def _length(key: str, label: str, low: float, high: float, step: float = 1.0, **
     return Control(key, label, unit="mm", low=low, high=high, step=step, digits=2, **more)
 
 
+def _metres(key: str, label: str, low: float, high: float, help_: str) -> Control:
+    return Control(key, label, unit="m", low=low, high=high, step=0.01, help=help_)
+
+
 GROUPS = (
+    Group("Aim and eyes on the road", (
+        Control("look.hand", "Mirror", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
+                help="The laws describe the left mirror; the right one is its reflection"),
+        Control("look.flank_share", "Own flank", low=0.0, high=0.5, step=0.01,
+                help="Share of the mirror's width, from its inboard edge, that the own flank takes on the horizon's row"),
+        Control("look.horizon_share", "Horizon at", low=0.2, high=0.9, step=0.01,
+                help="Share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the width"),
+        _metres("look.eye_x_m", "Eyes rearward", -0.3, 0.6, "Of where the scene has them; the mirror stays"),
+        _metres("look.eye_y_m", "Eyes to the right", -0.8, 0.8, "Of the vehicle's middle"),
+        _metres("look.eye_z_m", "Eyes above road", 1.0, 3.0, "The middle between the two ocular points"),
+        Control("look.eyes_apart_m", "Eyes apart", unit="m", low=0.0, high=0.1, step=0.001, digits=4,
+                help="UN Regulation 46 has 0.065 m"),
+    ), True, "road"),
     Group("Horizontal radius Rx", _law("horizontal", "Rx"), True),
     Group("Vertical radius Ry", _law("vertical", "Ry"), True),
     Group("Eye and pose", (
@@ -96,8 +114,9 @@ GROUPS = (
         Control("eye.aligned", "Eye in line with", "choice",
                 choices=(("right", "right edge"), ("centre", "centre"), ("left", "left edge"))),
         Control("look.yaw_deg", "Yaw", unit="°", low=-20.0, high=20.0, step=0.1,
-                help="Turns the face towards the driver's side"),
-        Control("look.pitch_deg", "Pitch", unit="°", low=-20.0, high=20.0, step=0.1, help="Turns the face up"),
+                help="Turns the face towards the driver's side, before the picture; on the road the aim does"),
+        Control("look.pitch_deg", "Pitch", unit="°", low=-20.0, high=20.0, step=0.1,
+                help="Turns the face up, before the picture; on the road the aim does"),
     )),
     Group("Outline and blank", (
         _length("outline.width_mm", "Width", 20.0, 600.0),
@@ -138,6 +157,13 @@ GROUPS = (
         Control("surface.curvature_tolerance_percent", "Curvature tol.", unit="%", low=1e-4, high=1.0, step=1e-3, digits=4),
         Control("limits.curvature_percent", "Part's limit", unit="%", low=0.1, high=20.0, step=0.1, optional=True,
                 default=5.0, help="The limit band of the laws, and what the built part must meet"),
+    )),
+    Group("Part", (
+        Control("part.number", "Number", "text", optional=True, help="Of the drawing; the specification's name without one"),
+        Control("part.revision", "Revision", "text", optional=True),
+        Control("part.hand", "Hand", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
+                help="What the report says; the laws and files stay as they are"),
+        Control("part.title", "Title", "text", optional=True),
     )),
     Group("Files", (
         Control("name", "Name", "text"),

@@ -169,7 +169,8 @@ def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None
     one = designed(spec)
     turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
     eyes = eyes_of(one.setting.eye, look)
-    maps, figures = one.maps, one.figures(turn)
+    figures = one.figures(turn)
+    arrays = one.maps | {f"ground{number}": one.ground(turn, eye) for number, eye in enumerate(eyes)}
     middle = time.perf_counter()
     scene = one.setting.scene(one.picture, spec)
     samples, quality = (FINE_SAMPLES, FINE_QUALITY) if fine else (QUICK_SAMPLES, QUICK_QUALITY)
@@ -185,21 +186,25 @@ def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None
             view, _ = driver_view(reflector, each.to_mirror(eye), each.seen_by(scene), frame, progress, samples)
             pictures[f"{name}{number}"] = jpeg(view, quality)
     end = time.perf_counter()
-    mirror = one.mirror
-    header = {
-        "figures": figures, "radii": one.radii(), "box_mm": list(mirror.box), "plane_z_mm": one.setting.plane_z_mm,
+    header = described(one, fine) | {
+        "figures": figures, "plane_z_mm": one.setting.plane_z_mm,
         "eyes_mm": [turn.to_mirror(eye).tolist() for eye in eyes],
         "frames": {name: [frame.left, frame.top, frame.pixel, frame.columns, frame.rows] for name, frame in frames.items()},
-        "scene_mm": list(scene.bounds()), "notes": list(mirror.notes),
-        "matched": dict([mirror.matched]) if mirror.matched else {},
-        "fit": {"spans": list(mirror.fit.spans), "degree": mirror.fit.degree, "met": mirror.fit.met,
-                "position_error_mm": mirror.fit.position_error_mm,
-                "curvature_error_percent": mirror.fit.curvature_error_percent},
-        "deviations": one.deviations if fine else None, "fine": fine,
+        "scene_mm": list(scene.bounds()),
         "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)},
     }
-    arrays = maps | {f"ground{number}": one.ground(turn, eye) for number, eye in enumerate(eyes)}
     return Shown(header, pictures, arrays)
+
+
+def described(one: Designed, fine: bool) -> dict[str, Any]:
+    """What an answer says of a design, whatever is seen in it."""
+    mirror = one.mirror
+    return {"radii": one.radii(), "box_mm": list(mirror.box), "notes": list(mirror.notes),
+            "matched": dict([mirror.matched]) if mirror.matched else {},
+            "fit": {"spans": list(mirror.fit.spans), "degree": mirror.fit.degree, "met": mirror.fit.met,
+                    "position_error_mm": mirror.fit.position_error_mm,
+                    "curvature_error_percent": mirror.fit.curvature_error_percent},
+            "deviations": one.deviations if fine else None, "fine": fine}
 
 
 def eyes_of(eye: Array, look: Look) -> list[Array]:

@@ -34,15 +34,26 @@ class _Message(BaseModel):
 class Look(BaseModel):
     """How the mirror is turned and looked at: what a specification does not say.
 
-    yaw_deg : turns its face towards the driver's side.   pitch_deg : then turns it up.   width, height : room for a picture.
+    view : the picture on a plane, or the road that the mirror shows on a vehicle.   width, height : room for a picture.
     own : the name of an uploaded reflector to be seen beside the design.
+    Before the picture: yaw_deg turns its face towards the driver's side, pitch_deg then turns it up.
+    On the vehicle, as a scene has them: hand, flank_share and horizon_share say which mirror it is and how it is aimed,
+    eye_x_m, eye_y_m, eye_z_m where the middle between the driver's ocular points is, eyes_apart_m how far apart they are.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
+    view: Literal["picture", "road"] = "picture"
     yaw_deg: Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)] = 0.0
     pitch_deg: Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)] = 0.0
     eyes: Literal["one", "both"] = "one"
+    hand: Literal["left", "right"] = "left"
+    flank_share: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.12
+    horizon_share: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.6
+    eye_x_m: Annotated[float, Field(ge=-5, le=5, allow_inf_nan=False)] = 0.0
+    eye_y_m: Annotated[float, Field(ge=-5, le=5, allow_inf_nan=False)] = -0.49
+    eye_z_m: Annotated[float, Field(gt=0, le=5, allow_inf_nan=False)] = 1.9
+    eyes_apart_m: Annotated[float, Field(ge=0, le=0.2, allow_inf_nan=False)] = 0.065
     width: Annotated[int, Field(ge=16, le=LARGEST_PICTURE)] = 640
     height: Annotated[int, Field(ge=16, le=LARGEST_PICTURE)] = 480
     own: Annotated[str, Field(max_length=64)] | None = None
@@ -74,13 +85,21 @@ class Build(_Message):
     look: Look
 
 
+class Pinned(_Message):
+    """Show the pinned design, finely and beside the one that is worked on: no newer design takes its place."""
+
+    type: Literal["pinned"]
+    spec: dict[str, Any]
+    look: Look
+
+
 class Cancel(_Message):
     """Stop making files."""
 
     type: Literal["cancel"]
 
 
-AnyMessage = Design | Probe | Build | Cancel
+AnyMessage = Design | Pinned | Probe | Build | Cancel
 _adapter: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
 

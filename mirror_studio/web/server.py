@@ -37,7 +37,8 @@ PING_SECONDS = 20.0
 MEDIA = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8", ".js": "text/javascript; charset=utf-8",
          ".txt": "text/plain; charset=utf-8", ".svg": "image/svg+xml"}
 HEADERS = {
-    # unsafe-eval: programs that drive a browser wait by it; nothing that comes from outside is ever evaluated.
+    # unsafe-eval: programs that drive a browser wait by it for plain expressions (Playwright's wait_for_function; for a
+    # function it does without); nothing that comes from outside is ever evaluated.
     "Content-Security-Policy": "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self'; "
                                "img-src 'self' blob: data:; connect-src 'self'; "
                                "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -89,8 +90,8 @@ def _has_display() -> bool:
 def create_app(port: int) -> ASGIApp:
     """The studio as an application that answers on this port of the local host alone."""
     static = _static()
-    start = json.dumps({"presets": state.presets(), "opens_on": state.OPENS_ON, "controls": controls(),
-                        "kinds": list(KINDS), "version": metadata.version("mirror-cad"),
+    start = json.dumps({"presets": state.presets(), "look": state.as_look(Look()), "opens_on": state.OPENS_ON,
+                        "controls": controls(), "kinds": list(KINDS), "version": metadata.version("mirror-cad"),
                         "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
                                     for kind, limit in LIMITS.items()}})
     open_ = 0

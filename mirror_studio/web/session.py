@@ -4,24 +4,39 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import sys
 import threading
 import traceback
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from fastapi import WebSocket, WebSocketDisconnect
 
 from mirror_cad.errors import MirrorError
 from mirror_studio.web.downloads import Downloads, NotMadeError
-from mirror_studio.web.protocol import Build, Cancel, Design, Look, Probe, StoppedError, WrongShapeError, pack, read_message
+from mirror_studio.web.protocol import (
+    Build,
+    Cancel,
+    Design,
+    Look,
+    Pinned,
+    Probe,
+    StoppedError,
+    WrongShapeError,
+    pack,
+    read_message,
+)
+from mirror_studio.web.reports import Reports
 from mirror_studio.web.state import as_spec
 from mirror_studio.web.uploads import Uploads
 
 if TYPE_CHECKING:
-    from mirror_studio.web.engine import Designed
+    from mirror_cad.spec import MirrorSpec
+    from mirror_studio.web.engine import Designed, Shown
 
 T = TypeVar("T")
 
@@ -58,6 +73,7 @@ class Session:
         self._stop_fine = threading.Event()
         self._shown: tuple[Designed, Look] | None = None
         self._building: asyncio.Task[None] | None = None
+        self._pinning: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
         """Answer until the page goes, says something of the wrong shape, or does not read."""
@@ -73,6 +89,9 @@ class Session:
                     self._something.set()
                 elif isinstance(message, Probe):
                     await self._probe(message)
+                elif isinstance(message, Pinned):
+                    await _ended(self._pinning)
+                    self._pinning = asyncio.create_task(self._pinned(message))
                 elif isinstance(message, Build):
                     await self._stop_building()
                     self._building = asyncio.create_task(self._build(message))
@@ -89,6 +108,7 @@ class Session:
         finally:
             self._stop_fine.set()
             await self._stop_building()
+            await _ended(self._pinning)
             designing.cancel()
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 await designing
@@ -113,7 +133,13 @@ class Session:
         common = {"id": message.id, "dropped": dropped}
         try:
             pool = self._shared.slow if message.fine else self._shared.quick
-            packed = await asyncio.get_running_loop().run_in_executor(pool, self._show, message, common)
+            loop = asyncio.get_running_loop()
+
+            def send(one: dict[str, Any] | bytes) -> Future[None]:
+                return asyncio.run_coroutine_threadsafe(self._send(one) if isinstance(one, bytes) else self._say(one), loop)
+
+            reports = Reports(message.id, send, self._stopped if message.fine else None)
+            packed = await loop.run_in_executor(pool, self._show, message, common, reports)
         except StoppedError:
             await self._say(common | {"type": "stopped"})
         except Exception as error:
@@ -121,14 +147,39 @@ class Session:
         else:
             await self._send(packed)
 
-    def _show(self, message: Design, common: dict[str, Any]) -> bytes:
+    def _show(self, message: Design, common: dict[str, Any], reports: Reports) -> bytes:
         from mirror_studio.web import engine  # with the tracer's kernels, loaded while the page is
 
         spec = as_spec(message.spec, self._shared.uploads)
-        own = self._shared.uploads.reflector(message.look.own) if message.look.own is not None else None
-        shown = engine.show(spec, message.look, message.fine, own, self._stopped if message.fine else None)
+        shown = self._seen(spec, message.look, message.fine, reports)
         self._shown = engine.designed(spec), message.look
+        _loaded()
         return pack(common | {"type": "shown"} | shown.header, shown.pictures, shown.arrays)
+
+    def _seen(self, spec: MirrorSpec, look: Look, fine: bool, reports: Reports) -> Shown:
+        from mirror_studio.web import engine
+
+        own = self._shared.uploads.reflector(look.own) if look.own is not None else None
+        if look.view == "picture":
+            return engine.show(spec, look, fine, own, reports.stop)
+        from mirror_studio.web import road  # with the motorway, which is not read before it is asked for
+
+        return road.show(spec, look, fine, own, reports.report, reports.early)
+
+    async def _pinned(self, message: Pinned) -> None:
+        common = {"id": message.id}
+
+        def seen() -> bytes:
+            shown = self._seen(as_spec(message.spec, self._shared.uploads), message.look, True, Reports())
+            return pack(common | {"type": "pinned"} | shown.header, shown.pictures, shown.arrays)
+
+        try:
+            await self._send(await asyncio.get_running_loop().run_in_executor(self._shared.slow, seen))
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return  # the page is gone
+        except Exception as error:
+            with contextlib.suppress(Exception):
+                await self._say(common | {"type": "unpinned", "faults": faults_of(error)})
 
     def _stopped(self, share: float) -> None:
         if self._stop_fine.is_set():
@@ -137,10 +188,12 @@ class Session:
     async def _probe(self, message: Probe) -> None:
         found = None
         if self._shown is not None:
-            from mirror_studio.web import engine
-
+            if self._shown[1].view == "road":
+                from mirror_studio.web.road import probe
+            else:
+                from mirror_studio.web.engine import probe
             one, look = self._shown
-            found = await self._in_pool(lambda: engine.probe(one, look, message.x, message.y, message.eye))
+            found = await self._in_pool(lambda: probe(one, look, message.x, message.y, message.eye))
         await self._say({"type": "probed", "id": message.id, "found": found})
 
     async def _in_pool(self, work: Callable[[], T]) -> T | None:
@@ -175,10 +228,7 @@ class Session:
 
     async def _stop_building(self) -> None:
         task, self._building = self._building, None
-        if task is not None and not task.done():
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                await task
+        await _ended(task)
 
     # --- sending ------------------------------------------------------------------------------------------------------
 
@@ -191,6 +241,14 @@ class Session:
             await self._socket.send_bytes(packed)
 
 
+async def _ended(task: asyncio.Task[None] | None) -> None:
+    """Cancel a task and wait until it has ended."""
+    if task is not None and not task.done():
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError, Exception):
+            await task
+
+
 def faults_of(error: Exception) -> list[str]:
     """What to tell a person: the error's own words, or that something is wrong with the studio, which goes to the log."""
     if isinstance(error, MirrorError | NotMadeError):
@@ -199,3 +257,11 @@ def faults_of(error: Exception) -> list[str]:
         return ["this design needs more memory than there is"]
     print("".join(traceback.format_exception(error)), file=sys.stderr)
     return [f"internal error: {type(error).__name__}: {str(error)[:300]}"]
+
+
+@cache
+def _loaded() -> None:
+    """With the first picture all modules and kernels are there: the collector need not go through them again and again, for
+    100 ms each time."""
+    gc.collect()
+    gc.freeze()

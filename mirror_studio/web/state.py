@@ -18,6 +18,7 @@ from mirror_studio.web.uploads import Uploads
 
 OPENS_ON = "progressive-c"
 LOOK_LINE = "# studio: "  # before what a specification has no key for, as JSON, in a TOML file's first line
+OF_THE_PAGE = {"width", "height", "own"}  # of a look: what belongs to one window, or to files that are not the specification's
 FILES = (("outline", "file"), ("scene", "image"))
 BUILT_IN_PICTURE = "road"
 
@@ -36,6 +37,11 @@ def as_state(spec: MirrorSpec) -> dict[str, Any]:
     if "file" in state["outline"]:
         state["outline"] = {"file": state["outline"]["file"]}
     return state
+
+
+def as_look(look: Look) -> dict[str, Any]:
+    """How a design is looked at, with all of its keys, as the page holds it."""
+    return look.model_dump(exclude=OF_THE_PAGE)
 
 
 def as_spec(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
@@ -71,7 +77,7 @@ def read_toml(text: str, uploads: Uploads) -> tuple[dict[str, Any], dict[str, An
     look = None
     if text.startswith(LOOK_LINE):
         try:
-            look = Look.model_validate_json(text.split("\n", 1)[0].removeprefix(LOOK_LINE)).model_dump(exclude_none=True)
+            look = as_look(Look.model_validate_json(text.split("\n", 1)[0].removeprefix(LOOK_LINE)))
         except ValidationError:
             look = None  # a comment of somebody else's
     return as_state(as_spec(raw, uploads)), look
@@ -84,7 +90,7 @@ def as_toml(spec: MirrorSpec, look: Look | None = None) -> str:
     for section, key in FILES:
         if key in content.get(section, {}) and content[section][key] != BUILT_IN_PICTURE:
             content[section][key] = Path(content[section][key]).name
-    lines = [] if look is None else [LOOK_LINE + look.model_dump_json(include={"yaw_deg", "pitch_deg", "eyes"})]
+    lines = [] if look is None else [LOOK_LINE + look.model_dump_json(exclude=OF_THE_PAGE, exclude_defaults=True)]
     _write(lines, (), content)
     return "\n".join(lines) + "\n"
 

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.quadrics import TrimmedQuadric
-from raytrace.reflector import TrimmedSurface
+from raytrace.reflector import Reflector, TrimmedSurface
+from raytrace.rim import AROUND, Evaluate
+from raytrace.trace import OBSTACLE_MARGIN_MM, Status, reflect
 from raytrace.view import Mask, Sight, View
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-LONGEST_MM = 1.0  # between neighbours on an outline
-SHORT_MM = 0.1  # below it they are joined straight: what is straight on the sheet is bent as places by 1e-6 mm then
+CORNER = 0.1  # radians between two pieces of a rim
+LEAST = 16  # vertices on the smallest curve
+WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
 SAME_PLACE_MM = 1e-6  # a ray to a vertex of the outline meets it, and not another part of the sheet before it
 LOOKED_AT = (113, 149)  # places across and up, where the edge is not known and has to be looked for: some 2.5 mm apart
 BESIDE = 0.1  # of the width and height of what is known of the outline: where it bulges
 REFINED = 1  # times: each halves the distance
-HALVINGS = 34  # of their distance: 2e-10 mm
+SPLIT, ROUNDS = 4, 14  # parts of their distance, one of which is left each time: 2e-8 mm in the end
 RIM = 0.5  # the cosine of the turn against the mirror's z from which a face is a rim: mirrors slope by less than 60°
 MOST_STEPS = 80  # halving alone takes 37
 SETTLED = 1e-11  # of the bracket: a root that is known to less is found
@@ -33,37 +36,57 @@ class Edge:
     """Closed loops of n places at which the eye sees the mirror's edge, and what the rays through them do.
 
     places (n, 2) : on the picture plane, mm.   following (n,) : the index of the next vertex of the same loop; what reflects
-    lies on one side.   middles (n, 2) : places half way to it; a parabola through the three is the edge.   points, directions
-    (n, 3) : where the rays through the vertices leave the mirror, and whither, in vehicle coordinates.
-    view : is asked for rays through the edge: the view of the whole sheet where there is one (`beyond`), which goes on there.
-    Of one face without glass, the edge is the outline that it was cut with. For glass, several faces and meshes, and where
-    something stands before the mirror, it is looked for: vertices and middles, some 0.6 mm apart, are right to 1e-9 of the
-    mirror's width.
+    lies on one side.   points, directions (n, 3) : where the rays through the vertices leave the mirror, and whither, in
+    vehicle coordinates.   way : places (m, 2) of the edge at shares (m,) of the way from vertices (m,) to the next.
+    of : the view that it is the edge of.   view : is asked for rays through the edge: the view of the whole sheet where there
+    is one (`beyond`), which goes on there.   rim : whether it is that of a face, or was looked for.
+    Where one face without glass is all that the eye sees reflecting, and it sees all of it, the edge is its rim. For glass,
+    several faces and meshes, where the face turns away from the eye, and where something stands before the mirror, it is
+    looked for: vertices some 0.6 mm apart and the places half way between are right to 1e-9 of the mirror's width, and
+    parabolas join them.
     """
 
+    of: View
     view: View
     beyond: bool
+    rim: bool
     places: Array
-    middles: Array
     points: Array
     directions: Array
     following: Index
+    way: Callable[[Index, Array], Array]
 
     def between(self, k: Index, t: Array) -> tuple[Array, Sight]:
         """Places (m, 2) of the edge at shares t (m,) of the way from vertex k to the next, and what the rays there do."""
-        after, share = self.following[k], t[:, None]
-        places = ((1.0 - share) * (1.0 - 2.0 * share) * self.places[k] + 4.0 * share * (1.0 - share) * self.middles[k]
-                  + share * (2.0 * share - 1.0) * self.places[after])
+        places = self.way(k, t)
         sight = self.view.sight(places)
-        lost = np.zeros(len(k), dtype=np.bool_) if self.beyond else ~_shows(self.view, places, sight)
+        lost = ~(sight.seen if self.beyond else _shows(self.view, places, sight))
         if not lost.any():
             return places, sight
         # Where an edge that was looked for is hollow: a straight way between the rays of its vertices.
+        after, share = self.following[k], t[:, None]
         points, directions = (one[k] + share * (one[after] - one[k]) for one in (self.points, self.directions))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         points = np.where(lost[:, None], points, sight.points)
         return places, Sight(np.ones_like(lost), points, np.where(lost[:, None], directions, sight.directions),
                              self.view.pose.to_mirror(points))
+
+    def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
+        """`View.find`, and whether the edge encloses the places."""
+        places, inside = self.of.find(targets, at_infinity)
+        if not self.rim:
+            inside[inside] = _shows(self.of, places[inside])
+        return places, inside
+
+    def middle(self) -> Array:
+        """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
+        sight = self.view.sight(self.places.mean(axis=0)[None])
+        mean: Array = self.directions.mean(axis=0)
+        return sight.directions[0] if sight.seen[0] else mean
+
+    def shows_more_than_half(self, middle: Array) -> bool:
+        """Whether directions may be shown that are opposite to each other; `middle` as above."""
+        return bool((self.directions @ middle <= 0.0).any())
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Sight]:
         """Where a function (points (m, 3), directions (m, 3)) -> (m,) changes its sign along the edge: after which vertices,
@@ -84,53 +107,126 @@ class Edge:
 @lru_cache(maxsize=8)
 def edge_of(view: View) -> Edge:
     """The edge of what the eye of a view sees reflecting; that of the last views is kept."""
-    reflector = view.reflector
-    if len(reflector.surfaces) == 1 and reflector.glass is None and (reflector.obstacles is None or reflector.obstacles_behind):
-        points, middles, following = _outline(reflector.surfaces[0])
-        places = view.places_of(points)
-        sight = view.whole.sight(places)
-        if sight.seen.all() and np.linalg.norm(sight.on_mirror - points, axis=1).max() < SAME_PLACE_MM:
-            return Edge(view.whole, True, places, view.places_of(middles), sight.points, sight.directions, following)
+    face = _shown_face(view)
+    rim = None if face is None else _rim(face)
+    if face is not None and rim is not None:
+        whole = replace(view, reflector=_alone(face).sheet)
+        places = view.places_of(rim.points)
+        sight = whole.sight(places)
+        if sight.seen.all() and np.linalg.norm(sight.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
+                and not _stands_before(view, rim.points):
+            return Edge(view, whole, True, True, places, sight.points, sight.directions, rim.following,
+                        lambda k, t: view.places_of(rim.at(k, t)))
     return _looked_for(view)
 
 
+def _shown_face(view: View) -> TrimmedSurface | TrimmedQuadric | None:
+    """The face that is all that the eye sees reflecting, with nothing before it; None where there is none."""
+    reflector = view.reflector
+    if reflector.glass is not None or not reflector.surfaces:
+        return None
+    if len(reflector.surfaces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
+        return reflector.surfaces[0]
+    places = _grid(view).reshape(-1, 2)
+    sight = view.sight(places)
+    shown = np.flatnonzero(_shows(view, places, sight))
+    if shown.size == 0:
+        return None
+    rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - view.eye_in_mirror
+    for face in reflector.surfaces:
+        # One ray first: most of a solid's faces are not the one.
+        for asked in (shown[:1], np.arange(len(places))):
+            alone = reflect(_alone(face), view.eye_in_mirror, rays[asked])
+            seen = alone.status == Status.REFLECTED
+            if not np.array_equal(seen, np.isin(asked, shown)):
+                break
+            if np.linalg.norm(alone.points[seen] - sight.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
+                break
+        else:
+            return face
+    return None
+
+
 @lru_cache(maxsize=8)
-def _outline(face: TrimmedSurface | TrimmedQuadric) -> tuple[Array, Array, Index]:
-    """Points of a face's loops (n, 3), no farther apart than LONGEST_MM, those half way to the next of the same loop, and the
-    index of that."""
+def _alone(face: TrimmedSurface | TrimmedQuadric) -> Reflector:
+    """A face that nothing stands before, with the sheet and the start meshes that it makes once."""
+    return Reflector((face,))
+
+
+def _stands_before(view: View, points: Array) -> bool:
+    """Whether anything stands between the eye and points (n, 3) of the mirror."""
+    reflector, eye = view.reflector, view.eye_in_mirror
+    rays = points - eye
+    reach = np.linalg.norm(rays, axis=1)
+    met = reflect(replace(reflector, obstacles=None), eye, rays).distances
+    if reflector.obstacle_scene is not None and not reflector.obstacles_behind:
+        origins = np.broadcast_to(eye, rays.shape)
+        met = np.fmin(met, reflector.obstacle_scene.first_hits(origins, rays / reach[:, None]).distance)
+    return bool((met < reach - OBSTACLE_MARGIN_MM).any())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rim:
+    """n vertices on the curves that bound a face, points (n, 3), each with the `count` pieces of its curve up to the
+    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v)."""
+
+    evaluate: Evaluate
+    start: Array
+    end: Array
+    first: Index
+    count: Index
+    points: Array
+    following: Index
+
+    def at(self, k: Index, t: Array) -> Array:
+        """Points (m, 3) at shares t (m,) of the way from vertices k (m,) to the following ones, piece by piece."""
+        along = t * self.count[k]
+        piece = np.clip(along.astype(np.intp), 0, self.count[k] - 1)
+        share, piece = (along - piece)[:, None], self.first[k] + piece
+        return self.evaluate(*(self.start[piece] + share * (self.end[piece] - self.start[piece])).T)
+
+
+@lru_cache(maxsize=8)
+def _rim(face: TrimmedSurface | TrimmedQuadric) -> _Rim | None:
+    """The rim of a face with vertices at its corners and AROUND others, evenly spread; None for a face without one."""
+    if not face.rim:
+        return None
     if isinstance(face, TrimmedSurface):
+        evaluate: Evaluate = face.surface.evaluate
         u_min, u_max, v_min, v_max = face.surface.domain
-        evaluate, domain = face.surface.evaluate, (np.array([u_min, v_min]), np.array([u_max, v_max]))
+        low, high = np.array([u_min, v_min]), np.array([u_max, v_max])
+        low, high = low + WITHIN * (high - low), high - WITHIN * (high - low)
     else:
-        evaluate, domain = face.quadric.evaluate, (np.full(2, -np.inf), np.full(2, np.inf))
-    parts, steps, following, total = [], [], [], 0
-    for loop in face.loops:
-        corners = np.clip(loop, *domain)
-        way = np.roll(corners, -1, axis=0) - corners
-        at = evaluate(*corners.T)
-        length = np.linalg.norm(np.roll(at, -1, axis=0) - at, axis=1)
-        count = np.maximum(1, np.ceil(length / LONGEST_MM).astype(np.intp))
-        k = np.repeat(np.arange(len(loop)), count)
-        t = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / count[k]
-        parts.append(corners[k] + t[:, None] * way[k])
-        steps.append(way[k] / count[k, None])
-        following.append(total + np.roll(np.arange(len(k)), -1))
-        total += len(k)
-    places, after = np.concatenate(parts), np.concatenate(following)
-    points = evaluate(*places.T)
-    middles = 0.5 * (points + points[after])
-    long = np.flatnonzero(np.linalg.norm(points[after] - points, axis=1) > SHORT_MM)
-    middles[long] = evaluate(*(places + 0.5 * np.concatenate(steps))[long].T)
-    return points, middles, after
+        evaluate, low, high = face.quadric.evaluate, np.full(2, -np.inf), np.full(2, np.inf)
+    start, end = (np.clip(np.concatenate([getattr(curve, side) for curve in face.rim]), low, high) for side in ("start", "end"))
+    step = sum(float(curve.lengths.sum()) for curve in face.rim) / AROUND
+    first, count, following, pieces, vertices = [], [], [], 0, 0
+    for curve in face.rim:
+        length = curve.lengths
+        cell = np.floor((np.cumsum(length) - length) / min(step, float(length.sum()) / LEAST))
+        ways = (np.roll(curve.points, -1, axis=0) - curve.points) / length[:, None]
+        bent = np.einsum("ij,ij->i", ways, np.roll(ways, 1, axis=0)) < np.cos(CORNER)
+        at = np.flatnonzero((cell != np.roll(cell, 1)) | bent | (np.arange(len(length)) == 0))
+        first.append(pieces + at)
+        count.append(np.diff(np.append(at, len(length))))
+        following.append(vertices + np.roll(np.arange(len(at)), -1))
+        pieces, vertices = pieces + len(length), vertices + len(at)
+    begin = np.concatenate(first)
+    return _Rim(evaluate, start, end, begin, np.concatenate(count), evaluate(*start[begin].T), np.concatenate(following))
 
 
-def _looked_for(view: View) -> Edge:
-    """The edge as the border of the places of a grid whose rays are reflected, moved to where they cease to be."""
+def _grid(view: View) -> Array:
+    """Places (LOOKED_AT, 2) over all that a view may show."""
     seen_at = view.places_of(view.reflector.outline())
     low, high = seen_at.min(axis=0), seen_at.max(axis=0)
     margin = BESIDE * (high - low)
     x, y = (np.linspace(low[c] - margin[c], high[c] + margin[c], LOOKED_AT[c]) for c in (0, 1))
-    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
+
+
+def _looked_for(view: View) -> Edge:
+    """The edge as the border of the places of a grid whose rays are reflected, moved to where they cease to be."""
+    grid = _grid(view)
     seen = _shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
     sides, following = _border(seen)
@@ -140,10 +236,17 @@ def _looked_for(view: View) -> Edge:
         middles = _middles(view, places, following)
         places, following = (np.concatenate([places, middles]),
                              np.concatenate([len(places) + np.arange(len(places)), following]))
+    middles = _middles(view, places, following)
+
+    def way(k: Index, t: Array) -> Array:
+        after, share = following[k], t[:, None]
+        found: Array = ((1.0 - share) * (1.0 - 2.0 * share) * places[k] + 4.0 * share * (1.0 - share) * middles[k]
+                        + share * (2.0 * share - 1.0) * places[after])
+        return found
+
     sight = view.sight(places)
     one = len(view.reflector.surfaces) == 1
-    return Edge(view.whole if one else view, one, places, _middles(view, places, following), sight.points, sight.directions,
-                following)
+    return Edge(view, view.whole if one else view, one, False, places, sight.points, sight.directions, following, way)
 
 
 def _middles(view: View, places: Array, following: Index) -> Array:
@@ -192,10 +295,13 @@ def _shows(view: View, places: Array, sight: Sight | None = None) -> Mask:
 
 def _end_of_sight(view: View, inside: Array, outside: Array) -> Array:
     """The last places (m, 2) that are seen on the way from places inside to such outside."""
-    for _ in range(HALVINGS):
-        middle = 0.5 * (inside + outside)
-        seen = _shows(view, middle)[:, None]
-        inside, outside = np.where(seen, middle, inside), np.where(seen, outside, middle)
+    share = (np.arange(SPLIT + 1) / SPLIT)[:, None]
+    row = np.arange(len(inside))
+    for _ in range(ROUNDS):
+        at = inside[:, None] + share * (outside - inside)[:, None]
+        seen = _shows(view, at[:, 1:-1].reshape(-1, 2)).reshape(-1, SPLIT - 1)
+        last = np.argmin(np.concatenate([seen, np.zeros((len(seen), 1), dtype=np.bool_)], axis=1), axis=1)
+        inside, outside = at[row, last], at[row, last + 1]
     return inside
 
 

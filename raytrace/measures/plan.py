@@ -93,8 +93,8 @@ def shown(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, own: Ow
     """The parts of the lines X = value (axis 0) or Y = value (axis 1) in the plane Z = height_mm that an eye sees in a mirror
     and the own vehicle does not hide, between low and high.
 
-    Exact at both ends: a ray through the mirror's edge, or one that touches the vehicle, meets the line there. A mirror that
-    shows one point twice, a concave one, is taken to show what lies between its edges.
+    Exact at both ends: a ray through the mirror's edge, or one that touches the vehicle, meets the line there. It does not hold
+    for a mirror that shows one point twice (`raytrace.measures.orientation`).
     values : (n,), rising.
     """
     if len(edge.places) == 0:
@@ -163,19 +163,21 @@ def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
 def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, other: Array, places: Array,
            ) -> tuple[Index, Array, Array]:
     """The crossings, with an end at ENDLESS_MM for lines that the mirror shows without one."""
-    odd = np.flatnonzero(np.bincount(row, minlength=len(values)) % 2)
-    if odd.size == 0:
+    odd = np.bincount(row, minlength=len(values)) % 2 == 1
+    # Both ends of a line are shown only by what shows more than half of the world.
+    asked = np.arange(len(values)) if edge.shows_more_than_half(edge.middle()) else np.flatnonzero(odd)
+    if asked.size == 0:
         return row, other, places
-    ends = np.empty((2, len(odd), 3))
-    ends[:, :, axis], ends[:, :, 2] = values[odd], height_mm
+    ends = np.empty((2, len(asked), 3))
+    ends[:, :, axis], ends[:, :, 2] = values[asked], height_mm
     ends[:, :, 1 - axis] = np.array([[-ENDLESS_MM], [ENDLESS_MM]])
-    found, seen = edge.view.find(ends.reshape(-1, 3))
-    # Of a line with one crossing one end is shown; where that is not to be told, the line is left out.
+    found, seen = edge.find(ends.reshape(-1, 3))
+    # Of a line with one crossing one end is shown, else none or both; where that is not to be told, the line is left out.
     seen_at = seen.reshape(2, -1)
-    told = seen_at[0] != seen_at[1]
-    kept = ~np.isin(row, odd[~told])
+    told = (seen_at[0] != seen_at[1]) == odd[asked]
+    kept = ~np.isin(row, asked[~told])
     end = np.flatnonzero(seen & np.tile(told, 2))
-    return (np.concatenate([row[kept], np.tile(odd, 2)[end]]),
+    return (np.concatenate([row[kept], np.tile(asked, 2)[end]]),
             np.concatenate([other[kept], ends[:, :, 1 - axis].ravel()[end]]), np.concatenate([places[kept], found[end]]))
 
 
@@ -297,8 +299,9 @@ def hidden_by(own: OwnVehicle, starts: Array, ends: Array) -> Array:
     return np.minimum(enters, ENDLESS_MM) - np.maximum(leaves, 1.0 + TOUCHING)
 
 
-def brought(view: View, places: Array, targets: Array) -> tuple[Array, Array]:
-    """Places (n, 2) moved to where the mirror shows targets (n, 3), by Newton, and where their rays leave it (n, 3).
+def brought(view: View, places: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:
+    """Places (n, 2) moved to where the mirror shows targets (n, 3), points of the world or directions of infinitely far ones,
+    by Newton, and where their rays leave it (n, 3).
 
     For starts near by, from one side of the mirror to the other; NaN where the mirror shows nothing near them. Else
     `View.find` is what finds them. A mirror that shows nothing beyond its edge is followed as far as it goes.
@@ -311,7 +314,7 @@ def brought(view: View, places: Array, targets: Array) -> tuple[Array, Array]:
     best, found, points = np.full(n, np.inf), np.full((n, 2), np.nan), np.full((n, 3), np.nan)
     for _ in range(MOST_STEPS):
         sight = view.sight((places + shifts).reshape(-1, 2))
-        way, d = wanted - sight.points, sight.directions
+        way, d = wanted if at_infinity else wanted - sight.points, sight.directions
         with np.errstate(divide="ignore", invalid="ignore"):
             # By what angles the rays pass the targets, about: in plan, and above.
             off = np.stack([way[:, 0] * d[:, 1] - way[:, 1] * d[:, 0],

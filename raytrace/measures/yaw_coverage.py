@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
-from raytrace.measures.blind_zone import DIRECT_VIEW, NearLane, blind_along
+from raytrace.measures.blind_zone import DIRECT_VIEW, TO_MM, NearLane, blind_along
 from raytrace.measures.edge import edge_of
 from raytrace.measures.ground import side_of
+from raytrace.measures.orientation import orientation
 from raytrace.pose import Pose
 from raytrace.reflector import Reflector
 from raytrace.vehicle import Eyes, OwnVehicle
@@ -22,13 +23,15 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, slots=True, eq=False)
 class YawCoverage:
     """At n turns, radians: the azimuths from and to which the horizon's row shows (n,), radians, and the length of the lane's
-    blind zone (n,), mm. NaN where the mirror shows no horizon, and where an eye does not
-    see its face."""
+    blind zone (n,), mm. NaN where the mirror shows no horizon, where an eye does not see its face, and where it shows some
+    things twice (`raytrace.measures.orientation`).   endless (n,) : whether that zone goes on where looking ends.
+    """
 
     turns: Array
     azimuth_from: Array
     azimuth_to: Array
     blind_mm: Array
+    endless: NDArray[np.bool_]
 
 
 def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: OwnVehicle | None, lane: NearLane, turns: Array,
@@ -39,16 +42,22 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: OwnVehicle |
     90° to the mirror's side, 180° straight back; the own vehicle hides nothing. A positive turn turns the mirror's face towards
     the vehicle. The blind zone is that of both eyes, along the lane's middle (`blind_zone`).
     """
-    found = np.full((len(turns), 3), np.nan)
+    found, endless, may_fold = np.full((len(turns), 3), np.nan), np.zeros(len(turns), dtype=np.bool_), True
     for k, turn in enumerate(turns):
         turned = replace(pose, yaw=pose.yaw + float(turn))
         try:
             middle, left, right = (View(reflector, turned, eye) for eye in (eyes.middle, eyes.left, eyes.right))
         except TraceError:
             continue  # an eye is behind the mirror's face
+        if may_fold:
+            shown = orientation(middle)
+            may_fold = shown.converging  # what is nowhere concave does not become so by being turned
+            if shown.twice:
+                continue
         _, _, level = edge_of(middle).crossings(lambda points, directions: directions[:, 2])
         azimuth = np.mod(np.arctan2(side_of(middle) * level.directions[:, 1], -level.directions[:, 0]), 2.0 * np.pi)
         if len(azimuth):
             found[k, :2] = azimuth.min(), azimuth.max()
-        found[k, 2] = blind_along(left, right, own, lane, height_mm, direct_view).total
-    return YawCoverage(turns, *found.T)
+        blind = blind_along(left, right, own, lane, height_mm, direct_view)
+        found[k, 2], endless[k] = blind.total, bool((blind.high >= TO_MM).any())
+    return YawCoverage(turns, found[:, 0], found[:, 1], found[:, 2], endless)

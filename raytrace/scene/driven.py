@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numba import njit
@@ -28,6 +28,13 @@ class Cones:
     factor: Array
 
 
+class Lit(Protocol):
+    """What rays see light in."""
+
+    def radiance(self, origins: Array, directions: Array, spread: Array) -> Array:
+        """As `LitWorld.radiance`."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivenWorld:
     """The world around a vehicle, as its driver sees it in a mirror and directly beside it.
@@ -38,7 +45,7 @@ class DrivenWorld:
     """
 
     world: LitWorld
-    beside: LitWorld
+    beside: Lit
     pose: Pose
     reflectance: float
     spread: float

@@ -2,6 +2,7 @@
 
 import { el } from "./dom.js";
 import { bringIn, choose, save } from "./files.js";
+import { aimInWords } from "./road.js";
 import { get, put } from "./state.js";
 import { post } from "./wire.js";
 
@@ -13,6 +14,7 @@ export class Controls {
     this.uploads = uploads;
     this.fail = fail;
     this.rows = [];
+    this.groups = []; // those that are there for one view alone
     this.element = el("div", { class: "groups" });
     for (const group of groups) this.element.append(this.group(group));
   }
@@ -24,7 +26,12 @@ export class Controls {
     if (group.title.startsWith("Vertical")) this.tableRow(body, "vertical", "Ry");
     if (group.title.startsWith("Outline")) this.fileRow(body, "outline", "Outline from DXF or SVG …", "outline.file");
     if (group.title === "Scene") this.fileRow(body, "picture", "Picture from a file …", "scene.image");
-    return el("details", { open: group.open }, el("summary", {}, group.title), body);
+    const element = el("details", { open: group.open }, el("summary", {}, group.title), body);
+    if (group.view) {
+      this.groups.push({ view: group.view, element });
+      body.append(this.aim = el("output", { id: "aim", "data-testid": "aim" }));
+    }
+    return element;
   }
 
   value(key) {
@@ -296,6 +303,9 @@ export class Controls {
   refresh() {
     const { spec } = this.store.now;
     this.active = document.activeElement;
+    for (const { view, element } of this.groups) element.hidden = view !== this.store.now.look.view;
+    const aim = this.answer?.road ? aimInWords(this.answer.road) : "";
+    if (this.aim.textContent !== aim) this.aim.textContent = aim;
     for (const row of this.rows) {
       const { control } = row, { key } = control;
       const section = key.split(".")[0];

@@ -26,7 +26,16 @@ export const FIGURES = [
     about: "Largest deviation of the smaller principal curvature from the laws over the mirror, signed; worked out when the hand rests." },
   { id: "shape", label: "Shape off, RMS", unit: "%", fine: true, of: (a) => a.deviations?.shape_rms_percent, show: pct,
     about: "RMS deviation of the whole shape operator from the laws; worked out when the hand rests." },
+  ...[4, 10, 20, 30].map((at, i) => ({ id: `width-${at}`, label: `Ground seen ${at} m behind`, unit: "m", view: "road", fine: true,
+    of: (a) => a.road?.figures?.seen_width_m[i]?.[1], show: deg,
+    about: `Width of the ground seen by either eye ${at} m behind the eyes, outward of the plane of the own flank and without a gap.` })),
+  { id: "nearest", label: "Nearest ground at the flank", unit: "m", view: "road", fine: true, of: (a) => a.road?.figures?.nearest_m, show: deg,
+    about: "Smallest distance behind the eyes at which the ground 0.1 m beside the own flank is seen by either eye." },
+  { id: "blind", label: "Lane beside in no view", unit: "m", view: "road", fine: true, of: (a) => a.road?.figures?.blind_length_m, show: deg,
+    about: "Length along the middle of the lane beside, on the ground from 5 m ahead of the eyes to 60 m behind, that is neither seen in the mirror by either eye nor before the limit of direct view, 95° from straight ahead." },
 ];
+// In the road's view those of the picture plane stay away, unless a limit is set for them.
+const OF_THE_PLANE = ["h-fov-traced", "v-fov-traced", "rx-smallest", "ry-smallest"];
 
 // What is there already is left alone: to write it again would make the page lay the table out again.
 function say(cell, text, kind = "") {
@@ -41,14 +50,15 @@ export class Figures {
     this.table = table;
     this.store = store;
     this.cells = {};
+    this.last = {}; // of figures that are worked out when the hand rests
     const head = (words) => el("th", { scope: "row" }, words);
     const row = (name, words) => {
       const line = el("tr", { class: name }, head(words));
       for (const figure of FIGURES) line.append((this.cells[`${name} ${figure.id}`] = el("td")));
       return line;
     };
-    const top = el("tr", {}, el("td"), ...FIGURES.map((figure) => el("th", { scope: "col", title: figure.about, tabindex: 0 }, figure.label,
-      el("span", { class: "unit" }, ` ${figure.unit}`))));
+    const top = el("tr", {}, el("td"), ...FIGURES.map((figure) => (this.cells[`head ${figure.id}`] = el("th",
+      { scope: "col", title: figure.about, tabindex: 0 }, figure.label, el("span", { class: "unit" }, ` ${figure.unit}`)))));
     table.append(el("thead", {}, top), el("tbody", {}, row("now", "This design"), row("pinned", "Pinned (A)"), row("change", "Change"),
       row("limit", "Limits"), row("verdict", "Verdict")));
     for (const { id, label } of FIGURES) {
@@ -71,13 +81,15 @@ export class Figures {
 
   shown(answer, pinned) {
     if (answer) this.answer = answer;
-    if (answer?.deviations) this.deviations = { ...answer };
-    const { limits } = this.store.now, active = document.activeElement;
+    const { limits, look } = this.store.now, active = document.activeElement;
     for (const figure of FIGURES) {
       const { id, of, show, fine } = figure;
       const cell = (name) => this.cells[`${name} ${id}`];
-      const value = this.answer && (of(this.answer) ?? (fine && this.deviations ? of(this.deviations) : null));
-      const stale = fine && !this.answer?.deviations;
+      const there = look.view === "road" ? !OF_THE_PLANE.includes(id) || Boolean(limits[id]) : figure.view !== "road";
+      for (const name of ["head", "now", "pinned", "change", "limit", "verdict"]) if (cell(name).hidden === there) cell(name).hidden = !there;
+      const now = this.answer && of(this.answer), stale = fine && !this.answer?.fine && typeof now !== "number";
+      if (fine && !stale) this.last[id] = now;
+      const value = stale ? this.last[id] : now;
       const was = pinned ? of(pinned) : null;
       const text = (v) => (v === null || v === undefined ? "–" : show(v));
       cell("now").dataset.value = value ?? "";

@@ -8,6 +8,7 @@ import { Figures } from "./figures.js";
 import { LawPlot } from "./laws.js";
 import { FlatMap, Plan } from "./maps.js";
 import { Mirror3D } from "./mirror3d.js";
+import { pictureOf, Road } from "./road.js";
 import { Stage } from "./stage.js";
 import { copy, Store } from "./state.js";
 import { Faults, post, Wire } from "./wire.js";
@@ -35,16 +36,24 @@ find("#error-close").addEventListener("click", well);
 
 // --- the parts ---
 
-const store = new Store(start.presets, start.opens_on, changed);
+const store = new Store(start.presets, start.look, start.opens_on, changed);
 const laws = [new LawPlot("horizontal", "Rx", store), new LawPlot("vertical", "Ry", store)];
 find("#laws").append(...laws.map((law) => law.element));
 const controls = new Controls(start.controls, store, start.uploads, fail);
 find("#controls").append(controls.element);
-const stage = new Stage(find("#driver-view"), find("#readout"), (at) => wire.ask({ type: "probe", ...at }));
+const stage = new Stage(find("#driver-view"), find("#readout"), {
+  probe: (at) => wire.ask({ type: "probe", ...at }),
+  due: () => wire.flying.size > 0,
+  presented({ fine, flight }) {
+    if (fine) setTimeout(() => requestAnimationFrame(done)); // after what `paint` draws
+    else if (flight) measure(flight);
+  },
+});
 stage.resized = () => rest();
 const flat = new FlatMap(find("#flat-map")), plan = new Plan(find("#plan")), solid = new Mirror3D(find("#mirror-3d"));
 solid.busy = () => wire.flying.size > 0 || performance.now() - changedAt < 120;
 const figures = new Figures(find("#figures"), store);
+const road = new Road(store, () => repin());
 
 const select = find("#quantity");
 select.append(...Object.entries(QUANTITIES).map(([key, { label, unit }]) => el("option", { value: key }, `${label}, ${unit}`)));
@@ -81,8 +90,10 @@ find("#eyes").addEventListener("click", () => store.edit(({ look }) => { look.ey
 // --- requests ---
 
 function request(fine) {
+  asked = wanted();
   const { spec, look } = store.now;
   wire?.design({ spec, look: { ...look, ...stage.room }, fine, changed: changedAt });
+  stage.expect();
 }
 
 function changed(now, settled = false) {
@@ -111,7 +122,7 @@ function paint(soon) {
     if (message) {
       if (message.fine || performance.now() - planned > PLAN_MS) {
         planned = performance.now();
-        plan.show(message, now.spec.scene.lane, pinned?.ground);
+        plan.show(message, now.spec.scene.lane, pinned);
       }
       colour();
       notes(message);
@@ -119,6 +130,7 @@ function paint(soon) {
     controls.refresh();
     laws.forEach((law) => law.draw());
     figures.shown(null, pinned?.answer);
+    road.refresh(now, pinned);
     if (presets.value !== now.preset) presets.value = now.preset;
     find("#eyes").setAttribute("aria-pressed", String(now.look.eyes === "both"));
     find("#own-away").hidden = !now.look.own;
@@ -126,17 +138,15 @@ function paint(soon) {
     find("#redo").disabled = !store.future.length;
   }), soon ? 0 : ANSWER_MS);
 }
-// Whether what is on the screen is of another design than the one there is now.
-let lastAsked = "";
-function stale() {
-  const text = JSON.stringify([store.now.spec, store.now.look]);
-  const differs = text !== lastAsked;
-  lastAsked = text;
-  return differs;
-}
+// Whether the design that there is now has not been asked for.
+let asked = "";
+const wanted = () => JSON.stringify([store.now.spec, store.now.look]);
+const stale = () => wanted() !== asked;
 function rest() {
   clearTimeout(restTimer);
-  restTimer = setTimeout(() => request(true), REST_MS);
+  // A draft of the road takes about as long as a rest: the hand has not rested before it is seen.
+  const due = () => (store.now.look.view === "road" && wire.flying.size > 0 ? rest() : request(true));
+  restTimer = setTimeout(due, REST_MS);
 }
 
 wire = new Wire({
@@ -157,14 +167,27 @@ wire = new Wire({
     answer = controls.answer = message;
     for (const law of laws) law.answer = message;
     well();
+    road.shown(message);
     figures.shown(message, pinned?.answer); // before the picture: who waits for that finds them
-    stage.show(message).then((drawn) => drawn && flight && !flight.fine && measure(flight));
-    stage.presented = (presented) => presented.fine && setTimeout(() => requestAnimationFrame(done)); // after what `paint` draws
+    message.flight = flight;
+    stage.show(message);
     fresh = message;
     paint(true);
   },
+  working(message) { if (!answer || message.id > answer.id) road.working(message); },
+  // The ground that is seen, before the fine picture is done.
+  early(message) {
+    if (!answer?.road || message.id < answer.id) return;
+    Object.assign(answer.road, message.road);
+    Object.assign(answer.arrays, message.arrays);
+    figures.shown(answer, pinned?.answer);
+    plan.show(answer, store.now.spec.scene.lane, pinned);
+  },
+  pinned(message) { if (pinned?.asked === message.id) keep(message); },
+  unpinned({ id, faults }) { if (pinned?.asked === id) fail(new Faults(faults.map((fault) => `pinned design: ${fault}`))); },
   failed(message, flight) {
     fail(new Faults(message.faults));
+    road.failed();
     if (flight?.fine) done();
   },
   probed({ found }) { stage.probed(found); },
@@ -194,7 +217,7 @@ const presets = find("#preset");
 presets.append(...Object.keys(start.presets).map((name) => el("option", { value: name }, name)));
 presets.addEventListener("change", () => {
   const fresh = store.fresh(presets.value);
-  store.replace({ ...fresh, limits: store.now.limits, look: { ...fresh.look, eyes: store.now.look.eyes, ...(store.now.look.own && { own: store.now.look.own }) } });
+  store.replace({ ...fresh, limits: store.now.limits, look: { ...store.now.look, yaw_deg: 0, pitch_deg: 0 } });
 });
 find("#undo").addEventListener("click", () => store.undo());
 find("#redo").addEventListener("click", () => store.redo());
@@ -202,12 +225,37 @@ find("#redo").addEventListener("click", () => store.redo());
 async function pin() {
   if (!answer) return;
   const one = answer, state = copy(store.now); // as they are now: the hand goes on while pictures are decoded
-  const images = await Promise.all(Object.values(one.pictures).map((picture) => createImageBitmap(picture)));
-  pinned = { state, answer: one, images, names: Object.keys(one.pictures),
-    ground: Object.entries(one.arrays).filter(([name]) => name.startsWith("ground")).map(([, { data }]) => data) };
+  const fresh = { state, views: {} };
+  pinned = Object.assign(fresh, await seen(one));
+  if (!one.road || one.fine) fresh.views[viewOf(one)] = await seen(one);
   for (const id of ["#hold", "#swap", "#unpin"]) find(id).disabled = false;
   figures.shown(null, pinned.answer);
-  plan.show(answer, store.now.spec.scene.lane, pinned.ground);
+  plan.show(answer, store.now.spec.scene.lane, pinned);
+  repin();
+  paint();
+}
+const viewOf = (one) => (one.road ? "road" : "picture");
+async function seen(one) {
+  return { answer: one, names: Object.keys(one.pictures), images: await Promise.all(Object.values(one.pictures).map((picture) => createImageBitmap(picture))),
+    ground: Object.entries(one.arrays).filter(([name]) => name.startsWith("ground")).map(([, { data }]) => data) };
+}
+// The pinned design in the view that there is now: asked for once, as it was when it was pinned.
+function repin() {
+  if (!pinned) return;
+  const { view } = store.now.look, { spec, look } = pinned.state;
+  if (pinned.views[view]) { use(pinned.views[view]); return; }
+  pinned.asked = wire.ask({ type: "pinned", spec, look: { ...look, view, ...stage.room } });
+}
+async function keep(message) {
+  const one = pinned;
+  one.views[viewOf(message)] = await seen(message);
+  if (pinned === one && viewOf(message) === store.now.look.view) use(one.views[viewOf(message)]);
+}
+function use(shown) {
+  Object.assign(pinned, shown);
+  figures.shown(null, pinned.answer);
+  plan.show(answer, store.now.spec.scene.lane, pinned);
+  if (hold.getAttribute("aria-pressed") === "true") stage.overlay(pinned);
 }
 find("#pin").addEventListener("click", pin);
 find("#unpin").addEventListener("click", () => {
@@ -220,7 +268,7 @@ find("#unpin").addEventListener("click", () => {
 find("#swap").addEventListener("click", async () => {
   const { state } = pinned;
   await pin();
-  store.replace(state);
+  store.replace({ ...state, look: { ...state.look, view: store.now.look.view } });
 });
 const hold = find("#hold");
 const flip = (on) => { hold.setAttribute("aria-pressed", String(on)); stage.overlay(on && pinned ? pinned : null); find("#held").hidden = !on; };
@@ -245,8 +293,7 @@ find("#open").addEventListener("click", async () => {
   if (!file) return;
   try {
     const { spec, look } = await post("/upload/spec?ending=.toml", file);
-    const { eyes, yaw_deg, pitch_deg } = look ?? store.now.look;
-    store.replace({ ...store.now, spec, look: look ? { ...store.now.look, eyes, yaw_deg, pitch_deg } : { ...store.now.look, yaw_deg: 0, pitch_deg: 0 } });
+    store.replace({ ...store.now, spec, look: { ...store.now.look, ...(look ?? { yaw_deg: 0, pitch_deg: 0 }) } });
   } catch (problem) { fail(problem); }
 });
 async function saveSpec() {
@@ -271,8 +318,9 @@ const STEPS = ["designing", "writing and reading back", "curvature deviation", "
 for (const button of document.querySelectorAll("[data-take]")) button.addEventListener("click", () => take(button.dataset.take));
 function take(kind) {
   if (kind === "spec") { saveSpec(); return; }
-  const { eyes, yaw_deg, pitch_deg } = store.now.look;
-  const key = JSON.stringify([store.now.spec, yaw_deg, pitch_deg, eyes]);
+  if (kind === "picture" && store.now.look.view === "road") { saveRoad(); return; }
+  const { own, ...look } = store.now.look;
+  const key = JSON.stringify([store.now.spec, look]);
   building = kind;
   if (built?.key === key) { deliver(); return; }
   buildKey = key;
@@ -284,6 +332,11 @@ function take(kind) {
     endBuild();
     fail(new Error("the studio's server does not answer: the files can be made when it does"));
   }
+}
+async function saveRoad() {
+  const picture = await pictureOf(stage);
+  if (picture) save(`${store.now.spec.name}-road.png`, picture, "image/png");
+  else fail(new Error("the picture is still a draft: take it when the fine one is there"));
 }
 function progress(step) {
   const at = STEPS.findIndex((text) => step.startsWith(text));
@@ -322,7 +375,7 @@ addEventListener("keydown", (event) => {
     return;
   }
   if (typing || event.altKey || event.target.matches("select")) return;
-  const press = { g: "#grid", e: "#eyes", p: "#pin", a: "#hold", l: "#reflection-lines", c: "#combs", "?": "#help" }[event.key];
+  const press = { g: "#grid", e: "#eyes", p: "#pin", a: "#hold", l: "#reflection-lines", c: "#combs", r: store.now.look.view === "road" ? "#view-picture" : "#view-road", "?": "#help" }[event.key];
   if (press && !find(press).disabled) { event.preventDefault(); find(press).click(); }
 });
 const help = find("#help-text");

@@ -2,6 +2,7 @@
 
 import { coloured } from "./colours.js";
 import { roundStep, sharp, watch } from "./dom.js";
+import { drawGround } from "./ground.js";
 
 export class FlatMap {
   constructor(canvas) {
@@ -58,13 +59,17 @@ export class Plan {
     watch(canvas, () => this.draw());
   }
 
+  // A draft of the road has no ground yet: the last one stays.
   show(answer, lane, pinned) {
-    Object.assign(this, { answer, lane, pinned });
+    const drafted = answer.road && !answer.arrays.seen_both;
+    if (!drafted) this.answer = answer;
+    Object.assign(this, { lane, pinned });
     this.draw();
   }
 
   draw() {
     if (!this.answer) return;
+    if (this.answer.road) { drawGround(this.canvas, this.answer, this.pinned?.answer.arrays.seen_left && this.pinned.answer.arrays); return; }
     const { arrays, scene_mm: scene } = this.answer;
     const { context, width, height } = sharp(this.canvas);
     context.fillStyle = "#fff";
@@ -124,7 +129,7 @@ export class Plan {
       context.stroke();
       context.setLineDash([]);
     };
-    if (this.pinned) for (const data of this.pinned) polygon(data, "#666", null, [4, 3]);
+    if (this.pinned) for (const data of this.pinned.ground) polygon(data, "#666", null, [4, 3]);
     seen.forEach((data, i) => polygon(data, ["#1c5fa8", "#b35a10"][i], ["rgba(28,95,168,.14)", "rgba(179,90,16,.10)"][i], []));
     context.restore();
   }

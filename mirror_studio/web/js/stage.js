@@ -1,14 +1,17 @@
 // The driver's view: pictures put on the screen, a 1° grid over them, and what lies under the pointer.
 
+import { cameraOf, cross, normal } from "./camera.js";
 import { el, sharp, sizeOf, watch } from "./dom.js";
+import { metInWords } from "./road.js";
 
 const RAD = Math.PI / 180;
 
 export class Stage {
-  constructor(canvas, readout, probe) {
+  // due: whether answers are. presented: told of each answer when it is on the screen.
+  constructor(canvas, readout, { probe, due, presented }) {
     this.canvas = canvas;
     this.readout = readout;
-    this.probe = probe;
+    Object.assign(this, { probe, due, presented });
     this.revision = 0;
     this.grid = false;
     this.asked = null;
@@ -26,19 +29,36 @@ export class Stage {
     return { width, height };
   }
 
+  // A picture is drawn in the first frame after it was decoded, and only the newest: `expect` looks for one in every frame
+  // while answers are due.
   async show(answer) {
     const names = Object.keys(answer.pictures);
     const images = await Promise.all(names.map((name) => createImageBitmap(answer.pictures[name])));
-    if (this.answer && answer.id < this.answer.id) return false; // a newer one was decoded first
+    if (Math.max(this.answer?.id ?? 0, this.decoded?.answer.id ?? 0) > answer.id) return; // a newer one was decoded first
+    this.decoded?.images.forEach((image) => image.close());
+    this.decoded = { names, images, answer };
+    this.expect();
+  }
+
+  expect() {
+    if (this.expecting) return;
+    this.expecting = true;
+    const frame = () => {
+      if (this.decoded) this.present();
+      this.expecting = this.due();
+      if (this.expecting) requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+  }
+
+  // In the frame that brings it to the screen.
+  present() {
     this.images?.forEach((image) => image.close());
-    [this.names, this.images, this.answer] = [names, images, answer];
+    Object.assign(this, this.decoded);
+    this.decoded = null;
     this.draw();
-    // The next frame puts on the screen what is drawn now.
-    requestAnimationFrame(() => {
-      this.canvas.dataset.revision = String(++this.revision);
-      this.presented?.(answer);
-    });
-    return true;
+    this.canvas.dataset.revision = String(++this.revision);
+    this.presented(this.answer);
   }
 
   // While a pinned design is held against this one.
@@ -62,8 +82,8 @@ export class Stage {
       const x = i * cell + 0.5 * (cell - w), y = 0.5 * (height - h);
       context.drawImage(image, x, y, w, h);
       const [, kind, eye] = names[i].match(/^(\D+)(\d)$/);
-      const [left, top, pixel, columns] = answer.frames[kind];
-      const place = { x, y, w, h, kind, eye: Number(eye), left, top, mm: (pixel * columns) / w };
+      const camera = cameraOf(answer, names[i], kind, Number(eye));
+      const place = { x, y, w, h, kind, eye: Number(eye), camera, size: w / camera.columns };
       this.places.push(place);
       if (this.grid && kind === "picture") this.drawGrid(context, place, answer);
       if (names.length > 1) this.label(context, place, names.length);
@@ -79,25 +99,27 @@ export class Stage {
     const both = this.names.some((name) => name.endsWith("1"));
     const words = [place.kind === "own" ? "your mirror" : this.names.includes("own0") ? "the design" : "", both ? ["left eye", "right eye"][place.eye] : ""];
     context.font = "600 12px system-ui, sans-serif";
-    context.fillStyle = "#333";
     context.textAlign = "center";
-    context.fillText(words.filter(Boolean).join(", "), place.x + place.w / 2, Math.max(14, place.y + 14));
+    const at = [words.filter(Boolean).join(", "), place.x + place.w / 2, Math.max(14, place.y + 14)];
+    context.strokeStyle = "rgba(255,255,255,.75)"; context.lineWidth = 3; context.strokeText(...at);
+    context.fillStyle = "#333";
+    context.fillText(...at);
   }
 
   // Lines one degree apart in the driver's sight, about the direction to the middle of the mirror.
   drawGrid(context, place, answer) {
     const eye = answer.eyes_mm[place.eye], [x0, x1, y0, y1] = answer.box_mm;
     const middle = [0.5 * (x0 + x1) - eye[0], 0.5 * (y0 + y1) - eye[1], -eye[2]];
-    const size = Math.hypot(...middle), forward = middle.map((v) => v / size);
-    const right = normal([-forward[2], 0, forward[0]]), up = cross(right, forward);
+    const forward = normal(middle), { right, up } = place.camera.axes ?? { right: normal([-forward[2], 0, forward[0]]), up: null };
+    const upward = up ?? cross(right, forward);
     context.save();
     context.beginPath();
     context.rect(place.x, place.y, place.w, place.h);
     context.clip();
     const at = (a, b) => {
-      const d = forward.map((f, i) => f + Math.tan(a) * right[i] + (Math.tan(b) / Math.cos(a)) * up[i]);
-      const t = -eye[2] / d[2];
-      return [place.x + (eye[0] + t * d[0] - place.left) / place.mm, place.y + (place.top - eye[1] - t * d[1]) / place.mm];
+      const d = forward.map((f, i) => f + Math.tan(a) * right[i] + (Math.tan(b) / Math.cos(a)) * upward[i]);
+      const [column, row] = place.camera.pixel(d);
+      return [place.x + column * place.size, place.y + row * place.size];
     };
     const most = 16;
     for (const along of [0, 1]) {
@@ -135,7 +157,8 @@ export class Stage {
     const place = this.places?.find((p) => x >= p.x && x < p.x + p.w && y >= p.y && y < p.y + p.h);
     if (!place || place.kind !== "picture") { this.leave(); return; }
     this.cross = { x, y };
-    this.at = { x: place.left + (x - place.x) * place.mm, y: place.top - (y - place.y) * place.mm, eye: place.eye };
+    const [at_x, at_y] = place.camera.plane((x - place.x) / place.size, (y - place.y) / place.size);
+    this.at = { x: at_x, y: at_y, eye: place.eye };
     this.draw();
     if (this.asked === null) this.ask();
   }
@@ -153,7 +176,7 @@ export class Stage {
     if (!found) { this.readout.textContent = "beside the mirror"; return; }
     const [x, y, z] = found.mirror_mm;
     const times = (v) => (v === null ? "∞" : v.toFixed(3));
-    const landed = found.landed_mm ? `lands at X ${(found.landed_mm[0] / 1000).toFixed(2)}, Y ${(found.landed_mm[1] / 1000).toFixed(2)} m`
+    const landed = found.road ? metInWords(found.road) : found.landed_mm ? `lands at X ${(found.landed_mm[0] / 1000).toFixed(2)}, Y ${(found.landed_mm[1] / 1000).toFixed(2)} m`
       : "does not reach the picture plane";
     this.readout.replaceChildren(
       el("b", {}, `${times(found.across)} × ${times(found.up)}`), " of flat (across × up) · ", landed,
@@ -167,5 +190,3 @@ function crosshair(context, x, y) {
   context.stroke();
 }
 
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const normal = (a) => { const size = Math.hypot(...a); return a.map((v) => v / size); };

@@ -1,6 +1,5 @@
 // The design with its history: keys in, changed copies out; to the address and back.
 
-export const NO_LOOK = { yaw_deg: 0, pitch_deg: 0, eyes: "one" };
 const MOST_HISTORY = 200;
 const SETTLE_MS = 350; // changes closer than this are one step of undo
 
@@ -29,8 +28,9 @@ export function flat(object, prefix = "", into = {}) {
 }
 
 export class Store {
-  constructor(presets, opensOn, changed) {
+  constructor(presets, look, opensOn, changed) {
     this.presets = presets;
+    this.look = look; // how a design is looked at to begin with
     this.opensOn = opensOn;
     this.changed = changed;
     this.past = [];
@@ -41,7 +41,7 @@ export class Store {
   }
 
   fresh(preset) {
-    return { preset, spec: copy(this.presets[preset]), look: { ...NO_LOOK }, limits: {} };
+    return { preset, spec: copy(this.presets[preset]), look: { ...this.look }, limits: {} };
   }
 
   // One change by hand. It becomes a step of undo when the hand rests.
@@ -96,7 +96,7 @@ export class Store {
   toAddress() {
     const parts = [this.now.preset];
     const own = flat({ ...this.now.spec, look: this.now.look, limits: this.now.limits });
-    const preset = flat({ ...this.presets[this.now.preset], look: NO_LOOK });
+    const preset = flat({ ...this.presets[this.now.preset], look: this.look });
     for (const [key, value] of Object.entries(own)) {
       if (JSON.stringify(value) !== JSON.stringify(preset[key])) parts.push(`${key}=${encode(value)}`);
     }

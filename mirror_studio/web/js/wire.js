@@ -63,6 +63,7 @@ export class Wire {
       return;
     }
     const message = unpack(data);
+    if (message.type !== "shown") { this.handlers[message.type]?.(message); return; } // beside the designs, or before one is done
     const flight = this.land(message);
     this.handlers.shown(message, flight);
   }

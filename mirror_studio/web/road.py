@@ -1,0 +1,205 @@
+"""A specification and how it is looked at in; the road as seen in the mirror on a vehicle, and the ground it shows, out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.spec import MirrorSpec
+from mirror_studio.drive.mirrors import DrivenMirror
+from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, World, camera_at, cones_of, eye_picture
+from mirror_studio.drive.world import HOUSING, MM, housing_body
+from mirror_studio.web.engine import FINE_QUALITY, QUICK_QUALITY, Designed, Shown, described, designed, jpeg
+from mirror_studio.web.motorway import Stand, driven, driven_own, ground, surroundings, world
+from mirror_studio.web.protocol import Look
+from mirror_studio.web.turned import Turn
+from raytrace.bezel import housing
+from raytrace.image import photograph
+from raytrace.measures.magnification import ray_differentials
+from raytrace.pose import Pose
+from raytrace.reflector import Reflector
+from raytrace.scene.bodies import Body
+from raytrace.scene.driven import DrivenWorld
+from raytrace.scene.lit_world import LitWorld
+from raytrace.scene.reference import Picture
+from raytrace.view import View
+
+Array = NDArray[np.float64]
+Report = Callable[[str, float], None]  # what is being done, and the share of it that is
+
+DRAFT_MS = 90.0  # for the rays of a draft's pictures: with the design and its way to the page some 150 ms
+LEAST_DRAFT_PX = 8_000  # a picture; below, nothing is recognised
+SLOWEST, FASTEST = 50.0, 20_000.0  # pixels a millisecond that one measurement of the pace is believed
+TALLEST = 1.75  # rows over columns: beyond, a picture holds nothing but more sky and grass
+FINE = "fine picture"
+
+
+class _Pace:
+    """How many pixels of a draft this machine makes in a millisecond, after the last ones."""
+
+    per_ms = 800.0
+
+    def measured(self, pixels: int, ms: float) -> None:
+        self.per_ms = 0.6 * self.per_ms + 0.4 * min(max(pixels / max(ms, 1e-3), SLOWEST), FASTEST)
+
+
+_pace = _Pace()
+
+
+@dataclass(frozen=True, eq=False)
+class _Past:
+    """The world past a mirror with its housing before it: `World.beside`, but that neither shades the other, so that nothing
+    is built anew but the housing."""
+
+    world: LitWorld
+    housing: LitWorld
+
+    def radiance(self, origins: Array, directions: Array, spread: Array) -> Array:
+        """As `LitWorld.radiance`."""
+        found = self.world.radiance(origins, directions, spread)
+        rows = np.flatnonzero(self.housing.scene.first_hits(origins, directions).triangle >= 0)
+        if rows.size:
+            found[rows] = self.housing.radiance(origins[rows], directions[rows], spread[rows])
+        return found
+
+
+def show(spec: MirrorSpec, look: Look, fine: bool, own: Reflector | None, report: Report,
+         early: Callable[[Shown], None] | None = None) -> Shown:
+    """Design, put on the vehicle, aim and look. A draft has as many pixels as DRAFT_MS make; `fine` is the picture that
+    `mirror-cad drive` takes, with the ground that is seen and its figures, which `early` gets before the picture is begun.
+
+    own : another reflector, shown beside the design at equal aim.
+    Raises: MirrorError for a design that cannot be, or an aim that cannot be met; what `report` raises.
+    """
+    start = time.perf_counter()
+    one, stand = designed(spec), Stand.of(look)
+    mirror = driven(one, stand)
+    seen = {"picture": mirror} if own is None else {"picture": mirror, "own": driven_own(own, stand)}
+    figures = one.figures(Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
+    pose = mirror.pose
+    road: dict[str, Any] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
+                            "eyes_m": [(eye / MM).tolist() for eye in (mirror.eyes.left, mirror.eyes.right)],
+                            "mirror_m": (pose.to_vehicle(np.zeros(3)) / MM).tolist()}
+    arrays = dict(one.maps)
+    made = world(lambda text: report(text, 0.0))
+    if fine:
+        found = ground(mirror, stand)
+        arrays |= found.outlines
+        road |= {"figures": found.figures, "surroundings": surroundings(made)}
+        if early is not None:
+            early(Shown({"road": road}, {}, found.outlines))
+    middle = time.perf_counter()
+    views = [(name, number, each, view) for name, each in seen.items() for number, view in enumerate(views_of(each, look))]
+    width, height = room(look, len(views))
+    if not fine:
+        width, height = drafted(width, height, len(views))
+    pictures, cameras = {}, {}
+    for k, (name, number, each, view) in enumerate(views):
+        if fine:
+            picture, _ = eye_picture(each, view, made, past(each, made, True), width, height,
+                                     lambda share, k=k: report(FINE, (k + share) / len(views)))  # type: ignore[misc]
+        else:
+            picture = draft(each, view, made, width, height)
+        camera, _ = camera_at(each, view, width, height)
+        cameras[f"{name}{number}"] = [*camera.base, *camera.across, *camera.down, width, height]
+        pictures[f"{name}{number}"] = jpeg(picture, FINE_QUALITY if fine else QUICK_QUALITY)
+    end = time.perf_counter()
+    header = described(one, fine) | {
+        "figures": figures, "plane_z_mm": one.setting.plane_z_mm, "road": road, "cameras": cameras,
+        "eyes_mm": [view.eye_in_mirror.tolist() for view in views_of(mirror, look)],
+        "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)}}
+    return Shown(header, pictures, arrays)
+
+
+def views_of(mirror: DrivenMirror, look: Look) -> list[View]:
+    """From the middle between the eyes, or from the left and the right one."""
+    return [mirror.views.middle] if look.eyes == "one" else [mirror.views.left, mirror.views.right]
+
+
+def room(look: Look, count: int) -> tuple[int, int]:
+    """Columns and rows of each of so many pictures side by side: no wider than those of `mirror-cad drive`."""
+    columns = max(16, look.width // count)
+    rows = min(look.height, round(TALLEST * columns))
+    return min(columns, max(16, rows * EYE_WIDTH_PX // EYE_HEIGHT_PX)), rows
+
+
+def drafted(width: int, height: int, count: int) -> tuple[int, int]:
+    """The size, of the same shape, that drafts can have."""
+    pixels = max(DRAFT_MS * _pace.per_ms / count, LEAST_DRAFT_PX)
+    scale = min(1.0, math.sqrt(pixels / (width * height)))
+    return max(16, round(scale * width)), max(16, round(scale * height))
+
+
+def draft(mirror: DrivenMirror, view: View, made: World, width: int, height: int) -> Picture:
+    """One ray a pixel."""
+    camera, pixel = camera_at(mirror, view, width, height)
+    driven_world = DrivenWorld(made.lit, past(mirror, made, False), view.pose, made.reflectance, 0.5 * pixel, cones_of(view))
+    begun = time.perf_counter()
+    picture, _ = photograph(view.reflector, camera, driven_world, None, 1)
+    _pace.measured(width * height, 1e3 * (time.perf_counter() - begun))
+    return picture
+
+
+@lru_cache(maxsize=4)
+def past(mirror: DrivenMirror, made: World, fine: bool) -> _Past:
+    """What the driver sees past a mirror; in drafts the housing is not worked out how it shades itself."""
+    shell = housing(mirror.whole)
+    body = housing_body(shell, mirror.pose) if fine else _plain(shell, mirror.pose)
+    return _Past(made.past, LitWorld((body,), None, made.daylight))
+
+
+def _plain(shell: SurfaceMesh, pose: Pose) -> Body:
+    """A housing whose corners are smooth, and which hides no sky from itself."""
+    vertices = pose.to_vehicle(shell.vertices)
+    faces = shell.faces if pose.hand == "left" else shell.faces[:, ::-1]  # a reflection turns them inside out
+    facets, n = SurfaceMesh(vertices, faces).facet_normals(), len(vertices)
+    normals = np.stack([sum(np.bincount(faces[:, k], facets[:, c], n) for k in range(3)) for c in range(3)], axis=1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return Body(vertices, normals, np.full((n, 2), np.nan), np.ones(n), np.ascontiguousarray(faces),
+                np.zeros(len(faces), dtype=np.int32), (HOUSING,))
+
+
+# --- under the pointer ------------------------------------------------------------------------------------------------
+
+
+def probe(one: Designed, look: Look, x: float, y: float, eye: int) -> dict[str, Any] | None:
+    """What the ray through (x, y) mm of the mirror's picture plane does: where it meets the mirror, by how much the mirror
+    magnifies far things there against a flat one, and what it meets on the road; None where it meets no mirror."""
+    mirror = driven(one, Stand.of(look))
+    views = views_of(mirror, look)
+    view = views[min(eye, len(views) - 1)]
+    places = np.array([[x, y]])
+    sight = view.sight(places)
+    if not sight.seen[0]:
+        return None
+    far = ray_differentials(view, places).at()
+    across, up = (float(size[0]) if np.isfinite(size[0]) else None for size in (far.horizontal, far.vertical))
+    return {"mirror_mm": sight.on_mirror[0].tolist(), "across": across, "up": up,
+            "road": met(world(lambda text: None), sight.points[0], sight.directions[0])}
+
+
+def met(made: World, start: Array, way: Array) -> dict[str, Any]:
+    """What a ray (3,), (3,) meets: its name, and X behind the eyes, Y to the right and Z above the ground, m."""
+    hits = made.lit.scene.first_hits(start, way[None])
+    triangle, away = int(hits.triangle[0]), float(hits.distance[0])
+    ground_away = float(-start[2] / way[2]) if way[2] < 0.0 else math.inf
+    if triangle >= 0 and away < ground_away:
+        ends = np.cumsum([len(body.faces) for body in made.bodies])
+        number = int(np.searchsorted(ends, triangle, "right"))
+        what = made.named[number][0] or ("own vehicle" if number < made.own else "roadside")
+    elif math.isfinite(ground_away):
+        away, what = ground_away, "ground"
+        side = float(start[1] + away * way[1])
+        if made.road is not None and made.road.y_min_mm <= side <= made.road.y_max_mm:
+            what = "road"
+    else:
+        return {"what": "sky", "at_m": None}
+    return {"what": what, "at_m": ((start + away * way) / MM).tolist()}
