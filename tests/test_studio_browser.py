@@ -9,16 +9,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 from mirror_cad.mirror import design
 from mirror_cad.occt.step import read_step
 from mirror_cad.spec_file import load_spec
 from mirror_studio import checks
+from tests.studio_page import CHROMIUM, SOON, becomes, chromium, figure, key, opened, revision, revision_after, settled
 from tests.studio_server import Studio, running, start
 
-CHROMIUM = Path("/usr/bin/chromium")
-SOON = 60_000  # ms: the machine is shared
 SIZES = ((1280, 800), (1920, 1080))
 
 pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason=f"no Chromium at {CHROMIUM}: the page cannot be opened")
@@ -32,55 +31,14 @@ def studio() -> Iterator[Studio]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        one = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--enable-unsafe-swiftshader"])
+    with chromium() as one:
         yield one
-        one.close()
 
 
 @pytest.fixture
 def page(browser: Browser, studio: Studio) -> Iterator[Page]:
-    """A page that has shown its first picture; nothing may have gone wrong in it, and nothing been asked for elsewhere."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, accept_downloads=True)
-    one = context.new_page()
-    wrong: list[str] = []
-    one.on("pageerror", lambda error: wrong.append(str(error)))
-    one.on("request", lambda request: wrong.append(request.url) if not request.url.startswith(
-        (studio.address, "blob:", "data:")) else None)
-    one.goto(studio.address)
-    revision_after(one, 0)
-    yield one
-    context.close()
-    assert not wrong
-
-
-def revision(page: Page) -> int:
-    return int(page.get_by_test_id("driver-view").get_attribute("data-revision") or 0)
-
-
-def revision_after(page: Page, before: int) -> int:
-    page.wait_for_function("before => Number(document.querySelector('[data-testid=driver-view]').dataset.revision) > before",
-                           arg=before, timeout=SOON)
-    return revision(page)
-
-
-def figure(page: Page, name: str) -> float:
-    return float(page.get_by_test_id(name).get_attribute("data-value") or "nan")
-
-
-def settled(page: Page) -> None:
-    """The fine picture of the design there is now is on the screen, or it was refused; nothing more is due."""
-    page.wait_for_function("document.body.dataset.due === 'no'", timeout=SOON)
-
-
-def becomes(page: Page, name: str, value: float) -> None:
-    """The control of a key comes to show a value."""
-    page.wait_for_function("([name, value]) => document.querySelector(`input[name=\"${name}\"]`)?.valueAsNumber === value",
-                           arg=[name, value], timeout=SOON)
-
-
-def key(page: Page, name: str) -> float:
-    return float(page.locator(f'input[name="{name}"]').input_value())
+    with opened(browser, studio) as one:
+        yield one
 
 
 # --- what it opens on -------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 from pydantic import BaseModel
 from websockets.sync.client import ClientConnection, connect
 
@@ -37,8 +37,8 @@ from mirror_studio.web.uploads import Uploads
 from raytrace.measures.blind_zone import blind_zone
 from raytrace.measures.ground import nearest_at_flank, seen_widths
 from raytrace.reflector import Reflector
+from tests.studio_page import CHROMIUM, SOON, becomes, chromium, figure, opened, revision, revision_after, settled
 from tests.studio_server import Studio, running
-from tests.test_studio_browser import CHROMIUM, SOON, becomes, figure, revision, revision_after, settled
 
 SMALL = {"view": "road", "width": 160, "height": 180}
 HAND_MS = 160  # of a picture's way while a slider moves, as the page promises it; times what a shared machine takes
@@ -52,7 +52,7 @@ def seen(spec: MirrorSpec, fine: bool = False, **look: Any) -> engine.Shown:
     return road.show(spec, Look(**(SMALL | look)), fine, None, silent)
 
 
-def opened(picture: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
+def decoded(picture: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
     with Image.open(io.BytesIO(picture)) as image:
         return np.asarray(image, dtype=np.float64)
 
@@ -76,7 +76,7 @@ def test_fine_picture_aim_and_ground_are_those_of_drive() -> None:
     world = motorway.world(lambda text: None)
     width, height = (int(size) for size in shown.header["cameras"]["picture0"][-2:])
     wanted, _ = eye_picture(driven, driven.views.right, world, world.beside(driven), width, height)
-    off = np.abs(opened(shown.pictures["picture1"]) - wanted)
+    off = np.abs(decoded(shown.pictures["picture1"]) - wanted)
     assert off.mean() < 2.0
     assert np.percentile(off, 99) < 20.0
     found = shown.header["road"]
@@ -113,7 +113,7 @@ def test_a_draft_shows_the_same_with_fewer_pixels() -> None:
     """Its pixels are as many as its time allows, and hold what the fine picture has there."""
     spec = load_spec("progressive-c")
     fine, draft = seen(spec, True, width=640, height=720), seen(spec, width=640, height=720)
-    small, large = (opened(one.pictures["picture0"]) for one in (draft, fine))
+    small, large = (decoded(one.pictures["picture0"]) for one in (draft, fine))
     assert small.shape[0] < large.shape[0]
     scaled = np.asarray(Image.fromarray(large.astype(np.uint8)).resize(small.shape[1::-1], Image.Resampling.BOX), dtype=float)
     assert np.abs(small - scaled).mean() < 8.0
@@ -166,7 +166,7 @@ def test_own_mirror_is_aimed_alike() -> None:
     """At equal aim the same mirror, read from elsewhere, gives the same picture."""
     spec = load_spec("sphere-950")
     shown = road.show(spec, Look(**SMALL), True, Reflector.from_mirror(design(spec)), silent)
-    assert np.abs(opened(shown.pictures["picture0"]) - opened(shown.pictures["own0"])).mean() < 0.5
+    assert np.abs(decoded(shown.pictures["picture0"]) - decoded(shown.pictures["own0"])).mean() < 0.5
 
 
 @pytest.mark.parametrize(("look", "words"), [
@@ -311,25 +311,16 @@ def test_a_pinned_design_is_shown_beside_the_others(studio: Studio) -> None:
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
         pytest.skip(f"no Chromium at {CHROMIUM}: the page cannot be opened")
-    with sync_playwright() as playwright:
-        one = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--enable-unsafe-swiftshader"])
+    with chromium() as one:
         yield one
-        one.close()
 
 
 @pytest.fixture
 def page(browser: Browser, studio: Studio) -> Iterator[Page]:
     """A page that shows the road, finely; nothing may have gone wrong in it."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, accept_downloads=True)
-    one = context.new_page()
-    wrong: list[str] = []
-    one.on("pageerror", lambda error: wrong.append(str(error)))
-    one.goto(f"{studio.address}#progressive-c&look.view=road")
-    revision_after(one, 0)
-    settled(one)
-    yield one
-    context.close()
-    assert not wrong
+    with opened(browser, studio, "#progressive-c&look.view=road") as one:
+        settled(one)
+        yield one
 
 
 def test_the_switch_shows_the_road_by_mouse_and_by_key_and_back(page: Page) -> None:
