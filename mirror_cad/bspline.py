@@ -69,27 +69,28 @@ class BSplineSurface:
         d = self._derivatives(u, v, 1, component=2)[..., 0]
         return d[..., 0, 0], d[..., 1, 0], d[..., 0, 1]
 
-    def on_grid(self, u: Array, v: Array, component: int | None = None) -> dict[str, Array]:
-        """`derivatives` on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products.
+    def on_grid(self, u: Array, v: Array, component: int | None = None, order: int = 2) -> dict[str, Array]:
+        """`derivatives` up to an order on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products.
 
         component : 0, 1 or 2 gives that coordinate alone, (m, n); only where there are no weights.
         """
-        bu, bv = dense_basis(self.knots_u, self.degree_u, u, 2), dense_basis(self.knots_v, self.degree_v, v, 2)
+        bu, bv = dense_basis(self.knots_u, self.degree_u, u, order), dense_basis(self.knots_v, self.degree_v, v, order)
+        orders = {key: (i, j) for key, (i, j) in ORDERS.items() if i + j <= order}
         if component is not None:
             if self.weights is not None:
                 raise SurfaceError("one coordinate alone is not defined by the poles of a rational surface")
             along_u = bu @ self.poles[..., component]
-            return {key: along_u[i] @ bv[j].T for key, (i, j) in ORDERS.items()}
+            return {key: along_u[i] @ bv[j].T for key, (i, j) in orders.items()}
         homogeneous = self._homogeneous()
-        parts = {key: np.einsum("ai,ijc,bj->abc", bu[i], homogeneous, bv[j], optimize=True)
-                 for key, (i, j) in ORDERS.items()}
+        parts = {key: np.einsum("ai,ijc,bj->abc", bu[i], homogeneous, bv[j], optimize=True) for key, (i, j) in orders.items()}
         if self.weights is None:
             return parts
-        stacked = np.zeros((len(u), len(v), 3, 3, 4))
-        for key, (i, j) in ORDERS.items():
+        size = 1 if order == 0 else 3  # of what _project takes
+        stacked = np.zeros((len(u), len(v), size, size, 4))
+        for key, (i, j) in orders.items():
             stacked[:, :, i, j] = parts[key]
         quotient = _project(stacked)
-        return {key: quotient[:, :, i, j] for key, (i, j) in ORDERS.items()}
+        return {key: quotient[:, :, i, j] for key, (i, j) in orders.items()}
 
     def _homogeneous(self) -> Array:
         if self.weights is None:

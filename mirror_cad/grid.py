@@ -63,6 +63,11 @@ class Grid:
         edge = surface.derivatives(self.x[self.edge], self.y[self.edge])
         return {key: np.concatenate([cells[key][self.inside], edge[key]]) for key in cells}
 
+    def points(self, surface: BSplineSurface) -> Array:
+        """`surface.evaluate` at (x, y), (n, 3)."""
+        cells = surface.on_grid(self.cells_x, self.cells_y, order=0)["s"]
+        return np.concatenate([cells[self.inside], surface.evaluate(self.x[self.edge], self.y[self.edge])])
+
     def as_map(self, values: Array) -> Array:
         """Values at (x, y) as a rectangle (cells_x, cells_y), NaN outside the outline."""
         rectangle = np.full(self.inside.shape, np.nan)

@@ -21,6 +21,7 @@ from mirror_cad.faithful import REST_GAINED, Faithful, closest_surface
 from mirror_cad.fit import Fit, FitTask
 from mirror_cad.laws import law_from, solve_match
 from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.offset import offset_surface
 from mirror_cad.outline import Outline, truck_outline
 from mirror_cad.profile import (
     check_profile,
@@ -74,7 +75,17 @@ class Mirror:
         """The solid with its optical face, area and volume. Raises: SolidError."""
         from mirror_cad.occt.solid import plate
 
-        return plate(self.surface, self.outline, self.spec.glass.thickness_mm, self.spec.glass.reflecting)
+        glass = self.spec.glass
+        return plate(self.surface, self.outline, glass.thickness_mm, glass.reflecting, self._other_face)
+
+    @cached_property
+    def front(self) -> BSplineSurface:
+        """The surface towards the driver: the optical one, or the one before it that light goes in by. Raises: SolidError."""
+        return self.surface if self.spec.glass.reflecting == "front" else self._other_face[0]
+
+    @cached_property
+    def _other_face(self) -> tuple[BSplineSurface, float]:
+        return offset_surface(self.surface, self.outline, self.spec.glass.thickness_mm, self.spec.glass.reflecting)
 
     @property
     def left_height_mm(self) -> float:

@@ -171,7 +171,7 @@ class Reflector:
     def from_mirror(mirror: Mirror) -> Reflector:
         """The optical face of a designed mirror, inside its outline, with the glass before one that reflects from the back."""
         loops, glass = (mirror.outline.polyline(TRIM_CHORD_MM),), mirror.spec.glass
-        front = Glass(TrimmedSurface(mirror.plate.front, loops), glass.index) if glass.reflecting == "back" else None
+        front = Glass(TrimmedSurface(mirror.front, loops), glass.index) if glass.reflecting == "back" else None
         return Reflector((TrimmedSurface(mirror.surface, loops),), glass=front)
 
     @cached_property

@@ -18,9 +18,10 @@ import mirror_cad
 import raytrace
 from mirror_cad.collocation import collocate
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.solid import is_valid, offset_surface, plate, solids_of
+from mirror_cad.occt.solid import is_valid, plate, solids_of
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
+from mirror_cad.offset import offset_surface
 from mirror_studio.cli import run
 from raytrace.eye import eye_position
 from raytrace.glass import refract, trace_through

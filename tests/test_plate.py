@@ -26,10 +26,11 @@ from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.plate_mesh import MOST_FACETS, plate_mesh
-from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, faces_of, is_valid, offset_surface, plate, solids_of
+from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, faces_of, is_valid, plate, solids_of
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.occt.triangulation import doubled_area, triangles_within
+from mirror_cad.offset import offset_surface
 from mirror_cad.outline import Arc, Line, Outline, closed_outline
 from tests.conftest import constant, designed, spec_of
 

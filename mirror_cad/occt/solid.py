@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,27 +23,17 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Sh
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from mirror_cad.bspline import BSplineSurface
-from mirror_cad.collocation import collocate
-from mirror_cad.differential import normals, principal_curvatures_of, shape_operator
 from mirror_cad.errors import SolidError
-from mirror_cad.grid import Grid
 from mirror_cad.occt.convert import to_geom_surface, to_pcurve
+from mirror_cad.offset import Side, offset_surface
 from mirror_cad.outline import Outline
 
 Array = NDArray[np.float64]
-Side = Literal["front", "back"]
 
 # The 3D edges follow surface(pcurve) this closely: a hundredth of the position tolerance of a fit.
 EDGE_TOLERANCE_MM = 1e-7
 # Faces closer than this are sewn: the edges' own error, with room for the ends of two of them.
 SEWING_TOLERANCE_MM = 1e-6
-# The plate's other face is a B-spline within this of the true offset, and within this share of the thickness: a back only
-# has to be there; a front that light goes through is as good as a fit's default.
-OFFSET_TOLERANCE_MM = {"back": 1e-3, "front": 1e-5}
-OFFSET_SHARE = 0.01
-OFFSET_ROUNDS = 4  # tries at the offset, each on half the spans of the one before
-# A thinner plate is not two surfaces any more to what reads it: float32, which STL holds, has steps of 1e-4 mm at 1.5 m.
-THINNEST_MM = 1e-3
 # The kernel's adaptive integration of area and volume, relative, starts anew on every edge: at the fine setting a thousand
 # edges take a minute. Short pieces need only the coarse one: 1e-11 on 17 even pieces, 1e-14 on 60. A few long edges among
 # many short ones cost it 1e-7.
@@ -74,17 +63,16 @@ class Plate:
     back_error_mm: float
 
 
-def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front") -> Plate:
+def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front",
+          other: tuple[BSplineSurface, float] | None = None) -> Plate:
     """The solid between the optical face and its offset along the normals, with ruled sides along them.
 
     reflecting : which face of the plate the optical one is. The other is S − t·N behind a reflecting front and S + t·N
     before a reflecting back, on the same parameters, so the same trimming curves serve for both; both and the sides are
-    plain B-splines.
-    Raises: SolidError for a thickness that `check_thickness` refuses, where the other face misses the true offset by
-    more than OFFSET_TOLERANCE_MM, or where the kernel finds no single valid solid.
+    plain B-splines.   other : what `offset_surface` gave for these, where it is there already.
+    Raises: SolidError as `offset_surface`, or where the kernel finds no single valid solid.
     """
-    check_thickness(surface, outline, thickness_mm, reflecting)
-    offset, offset_error = offset_surface(surface, outline, thickness_mm, reflecting)
+    offset, offset_error = other or offset_surface(surface, outline, thickness_mm, reflecting)
     front_surface, back_surface = (surface, offset) if reflecting == "front" else (offset, surface)
     pcurves = _pcurves(outline)
     front, back = (_face(to_geom_surface(each), pcurves) for each in (front_surface, back_surface))
@@ -124,72 +112,6 @@ def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tu
     builder.MakeShell(shell)
     builder.Add(shell, face)
     return shell, face
-
-
-def check_thickness(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front") -> None:
-    """Raise SolidError for a thickness that makes no plate of this surface.
-
-    Below THINNEST_MM; where the offset folds, which is at t·κ ≥ 1 (convex) for a back behind the optical face and at
-    t·κ ≤ −1 (concave) for a front before it; and where the glass is thicker than the radius it is bent to the other way.
-    """
-    what = f"glass.thickness_mm = {thickness_mm:g}"
-    if not thickness_mm >= THINNEST_MM:
-        raise SolidError(f"{what} is below {THINNEST_MM:g} mm: front and back would be one surface to most readers of STL")
-    grid = Grid.over(outline)
-    x, y = grid.x, grid.y
-    larger, smaller = principal_curvatures_of(shape_operator(grid.derivatives(surface)))
-    other = "back" if reflecting == "front" else "front"
-    folds = f"the {other} would fold: thinner glass, or larger radii"
-    block = "that is a block and no bent plate: thinner glass, or larger radii"
-    convex, concave = (folds, block) if reflecting == "front" else (block, folds)
-    for kind, kappa, why in (("convex", larger, convex), ("concave", -smaller, concave)):
-        worst = int(np.argmax(kappa))
-        if thickness_mm * kappa[worst] >= 1.0:
-            raise SolidError(f"{what} is not below the smallest {kind} radius, {1.0 / kappa[worst]:.2f} mm at "
-                             f"({x[worst]:.1f}, {y[worst]:.1f}) mm: {why}")
-
-
-def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front",
-                   ) -> tuple[BSplineSurface, float]:
-    """S − t·N behind a reflecting front, S + t·N before a reflecting back, as a B-spline on the same parameters, and its
-    largest distance from the true offset, mm.
-
-    Collocated on the surface's own knots, with spans halved until the tolerance holds. Raises: SolidError where it does not.
-    """
-    other, along = ("back", -thickness_mm) if reflecting == "front" else ("front", thickness_mm)
-
-    def true_offset(u: Array, v: Array) -> Array:
-        d = surface.on_grid(u, v)
-        result: Array = d["s"] + along * normals(d["u"], d["v"])
-        return result
-
-    degree = max(surface.degree_u, surface.degree_v)
-    tolerance = min(OFFSET_TOLERANCE_MM[other], OFFSET_SHARE * thickness_mm)
-    grid = Grid.over(outline)
-    d = grid.derivatives(surface)
-    wanted = d["s"] + along * normals(d["u"], d["v"])
-    knots_u, knots_v = _knots_for_normals(surface.knots_u, degree), _knots_for_normals(surface.knots_v, degree)
-    for _ in range(OFFSET_ROUNDS):
-        offset = collocate(true_offset, knots_u, knots_v, degree)
-        error = float(np.linalg.norm(grid.derivatives(offset)["s"] - wanted, axis=1).max())
-        if error <= tolerance:
-            return offset, error
-        knots_u, knots_v = (np.sort(np.concatenate([k, _middles(k)])) for k in (knots_u, knots_v))
-    raise SolidError(f"the {other} of the plate stays {error:.2g} mm from the true offset (at most {tolerance:g} mm is "
-                     "allowed): the surface bends too sharply for this glass.thickness_mm")
-
-
-def _knots_for_normals(knots: Array, degree: int) -> Array:
-    """The knots with one repetition more where the surface is not smooth: its normal has one derivative less."""
-    values, counts = np.unique(knots, return_counts=True)
-    counts[1:-1] = np.where(counts[1:-1] > 1, np.minimum(counts[1:-1] + 1, degree), 1)
-    counts[[0, -1]] = degree + 1
-    return np.repeat(values, counts)
-
-
-def _middles(knots: Array) -> Array:
-    ends = np.unique(knots)
-    return 0.5 * (ends[:-1] + ends[1:])
 
 
 # --- topology --------------------------------------------------------------------------------------------------------
