@@ -94,5 +94,5 @@ def _seen_and_blind(axes: Axes, each: Measured, low: float) -> None:
         for span in seen_width.either:
             axes.plot([seen_width.x_mm / MM] * 2, np.clip(span / MM, -60.0, 60.0), color=SOFT, linewidth=0.8, zorder=3)
         if seen_width.either_mm > 0.0:
-            axes.text(seen_width.x_mm / MM + 0.2, 1.7 * np.sign(-low), f"{seen_width.either_mm / MM:.1f} m", fontsize=6.5,
+            axes.text(seen_width.x_mm / MM + 0.2, 1.25 * np.sign(-low), f"{seen_width.either_mm / MM:.1f} m", fontsize=6.5,
                       color=SOFT, va="center", zorder=5)
