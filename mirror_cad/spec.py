@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +14,7 @@ from mirror_cad.spec_section import Coordinate, Length, Number, Section
 
 # Characters of a part's number or revision, and of its title: what a line of the report's head holds.
 LONGEST_MARK, LONGEST_TITLE = 48, 100
+LARGEST_LIMIT = 1e6  # degrees or percent: beyond anything that an angle or a lane can have
 
 
 class Blank(Section):
@@ -88,7 +90,7 @@ def _spans(value: Any) -> tuple[int, int] | str:
 class PartSpec(Section):
     """What a drawing calls the mirror: said in the report and without effect on the surface.
 
-    number : the specification's name without one.   hand : the side of the vehicle; the frame stays as it is, x to the right
+    number, revision : “none stated” without one.   hand : the side of the vehicle; the frame stays as it is, x to the right
     as the driver looks at the mirror, and the files hold what the laws say in it.
     """
 
@@ -106,8 +108,35 @@ class PartSpec(Section):
         return value
 
 
+Ends = Annotated[tuple[float, float] | None, PlainValidator(lambda value: _ends(value))]
+
+
 class Limits(Section):
+    """What the part and its view must meet; nothing by default.
+
+    curvature_percent : how far k1 and k2 may be off, ±.   The others are [least, most], −inf or inf where a side is free:
+    h_fov_deg, v_fov_left_deg : fields of view of the sections, as table 1 has them.   lane_straightness_percent : as traced.
+    """
+
     curvature_percent: Annotated[Number, Field(gt=0, le=1000)] | None = None
+    h_fov_deg: Ends = None
+    v_fov_left_deg: Ends = None
+    lane_straightness_percent: Ends = None
+
+
+def _ends(value: Any) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    if isinstance(value, list | tuple) and len(value) == 2 and all(
+            isinstance(end, int | float) and not isinstance(end, bool)
+            and (-LARGEST_LIMIT <= end <= LARGEST_LIMIT or end == free)
+            for end, free in zip(value, (-math.inf, math.inf), strict=True)):
+        least, most = float(value[0]), float(value[1])
+        if least <= most:
+            return least, most
+        raise ValueError("the first number, the least, must not be above the second, the most")
+    raise ValueError(f"must be two numbers of at most {LARGEST_LIMIT:g} in size, [least, most], with -inf for no least or inf "
+                     "for no most")
 
 
 class Eye(Section):

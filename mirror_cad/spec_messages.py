@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import re
+import unicodedata
 from typing import Any, get_args
 
 from pydantic import BaseModel
@@ -19,8 +21,21 @@ _PLAIN_TYPES = {
 }
 
 
+# Control, format (such as those that turn the direction of writing), surrogate and unassigned; separators of lines.
+_UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+_PARSER_PLACE = re.compile(r" \(<unknown>, line \d+\)")  # of a formula, which has one line
+
+
 def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
-    """One validation error as `section.key = value: what is wrong, the allowed range, the nearest name`."""
+    """One validation error as `section.key = value: what is wrong, the allowed range, the nearest name`.
+
+    Of what it repeats, a character that cannot be seen is shown as �.
+    """
+    return "".join("\ufffd" if unicodedata.category(letter) in _UNSEEN else letter
+                   for letter in _PARSER_PLACE.sub("", _sentence(detail, raw, root)))
+
+
+def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
     keys = [key for i, key in enumerate(detail["loc"]) if not (i == 1 and detail["loc"][0] in _LAW_UNIONS
                                                                and key in _law_models(detail["loc"][0]))]
     where = ".".join(str(key) for key in keys)

@@ -121,11 +121,15 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     }
     if sheets is not None:
         metrics["glass"] = _glass(mirror, sheets, eye, points, traced[0])
+    from mirror_studio.report import find, write_findings, write_pdf, write_report
+    from mirror_studio.report.verdict_table import as_json, view_requirements
+
+    asked = view_requirements(mirror, metrics)
+    if asked:
+        metrics["limits"] = as_json(asked)
     progress.step(f"{name}: report")
     write_json(folder / "metrics.json", metrics)
     write_json(folder / "deviation.json", deviation.as_json())
-    from mirror_studio.report import find, write_findings, write_pdf, write_report
-
     manifest = _manifest(mirror)
     findings = find(mirror, deviation, read_back, metrics, step_file, sheets)
     write_findings(folder, mirror, deviation, findings, manifest)
@@ -135,7 +139,9 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         write_pdf(folder / "report.html", folder / "report.pdf")
     manifest["files"] = hashes(folder)
     write_json(folder / MANIFEST, manifest)
-    return Built(mirror, deviation, metrics, _missed(mirror, deviation))
+    missed = [f"{row.name}: {'not to be measured' if math.isnan(row.actual) else f'{row.actual:.4g} {row.unit}'}, asked for: "
+              f"at {row.side} {row.limit:g} {row.unit}" for row in asked if not row.met]
+    return Built(mirror, deviation, metrics, (*_missed(mirror, deviation), *missed))
 
 
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,

@@ -279,7 +279,8 @@ def test_all_figures_are_in_csv_and_json_with_the_same_digits(progressive: tuple
     content = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
     assert content["schema"] == 1
     assert (content["file"], content["face"]) == ("progressive-c.step", "optical face")
-    assert content["head"]["number"] == "progressive-c"
+    assert (content["head"]["number"], content["head"]["spec"]) == (None, "progressive-c")
+    assert content["verdicts"]["view"] is None  # nothing is asked of it
     assert list(content["tables"]) == ["verdicts", "sampling", "maps", "histogram", "sections", "stages", "step", "probe",
                                        "measures", "lane"]
     assert content["tables"]["measures"] == {"measure": ["lane_straightness_percent.traced"], "value": [40.9]}

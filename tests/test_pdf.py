@@ -11,6 +11,8 @@ import numpy as np
 import pypdfium2
 import pytest
 
+from mirror_cad.mirror import design
+from mirror_cad.spec_file import load_spec, validate_spec
 from mirror_studio.report import find, write_pdf, write_report
 from tests.conftest import designed
 from tests.test_findings import deviation_of
@@ -79,6 +81,26 @@ def test_figures_are_drawn_inside_the_margins_and_no_page_is_empty(report: Path)
             assert rows.max() <= picture.shape[0] - 20
             coloured += int((np.ptp(picture, axis=2) > 60).sum() > 2000)
     assert coloured >= 3  # driver's view or maps, deviation, sections
+
+
+def test_the_longest_names_stay_on_the_page_and_are_signed_beside_what_they_name(tmp_path: Path) -> None:
+    name, part = "N" * 64, {"number": "W" * 48, "revision": "X" * 48, "title": "M" * 100}
+    raw = load_spec("sphere-950").model_dump(exclude_none=True, exclude={"outline"})
+    mirror = design(validate_spec(raw | {"name": name, "part": part, "limits": {"h_fov_deg": [44.0, 46.0]}}))
+    deviation = deviation_of(mirror)
+    manifest = MANIFEST | {"files": {f"{name}{end}": "cd" * 32 for end in (".step", "-surface.step", ".stl", "-points.csv")}}
+    write_report(tmp_path / "report.html", mirror, deviation, METRICS, manifest, _picture(),
+                 find(mirror, deviation, mirror.surface, METRICS))
+    write_pdf(tmp_path / "report.html", tmp_path / "report.pdf")
+    with pypdfium2.PdfDocument(tmp_path / "report.pdf") as document:
+        texts = [page.get_textpage().get_text_range() for page in document]
+        (signed,) = (text for text in texts if "approved" in text)
+        assert "what is signed" in signed
+        for page in document:
+            inked = np.abs(page.render(scale=1.0).to_numpy().astype(int) - 255).max(axis=2) > 24
+            columns = np.nonzero(inked)[1]
+            assert columns.min() >= 36
+            assert columns.max() <= inked.shape[1] - 36
 
 
 def test_the_same_report_gives_the_same_bytes(report: Path) -> None:

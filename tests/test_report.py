@@ -14,17 +14,19 @@ import pytest
 from PIL import Image
 
 from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.differential import rms_norm, shape_operator
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec_file import load_spec, validate_spec
 from mirror_studio.methods import compare_methods, with_method
 from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
+from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
 from mirror_studio.report.stages import Floor, chain_links, model_sentences, stage_rows, weakest_sentence
-from mirror_studio.report.text import fixed, given, law_in_words, number
+from mirror_studio.report.text import fixed, given, law_in_words, number, place
 from mirror_studio.report.uncertainty import Uncertainty
-from mirror_studio.report.verdict_table import Requirement, requirements
+from mirror_studio.report.verdict_table import Requirement, as_json, requirements, view_requirements
 
 METRICS = {
     "h_fov_deg": {"section": 44.82, "traced": 44.63}, "v_fov_left_deg": {"section": 42.88, "traced": 39.6},
@@ -146,13 +148,66 @@ def test_verdicts_have_limit_actual_margin_and_place(tmp_path: Path, limited: De
     assert rows["fit: height"].met
     assert rows["STEP read back by the kernel, farthest point"].actual == METRICS["files"]["step_max_mm"]
     text = _readable(_report(tmp_path, limited, METRICS, MANIFEST))
-    assert not _missing(text, ">not met<", "−1.64\u202f%", "±3\u202f%", "x\u202f88, y\u202f161\u202fmm")
+    assert not _missing(text, ">not met<", "−1.64\u202f%", "±3\u202f%", "x\u202f87.70, y\u202f161.38\u202fmm")
     # A margin that the grid cannot be sure of is said to be one.
     close = Requirement("part", "k1, realised against designed", "%", 3.0, 2.9999)
     coarse = Uncertainty((211, 311), (1, 1), (421, 621), (1, 1), dict.fromkeys(fields.QUANTITIES, (1.0, 1.01)), "%", 0.0, None,
                          None)
     (_, [row]), *_ = requirement_groups([close], coarse)
     assert row["verdict"] == "met, but closer than the grid tells"
+
+
+def test_without_a_number_none_is_stated(tmp_path: Path, limited: Designed) -> None:
+    text = _readable(_report(tmp_path, limited, METRICS, MANIFEST))
+    assert not _missing(text, "<th>Part number</th><td>none stated</td>", "<h1>progressive-c</h1>",
+                        "progressive-c-report.json", "progressive-c-verdicts.csv", "part of a set of files")
+
+
+def test_deviation_at_a_printed_place_is_the_printed_one(limited: Designed, faithful: Designed) -> None:
+    for mirror, deviation in (limited, faithful):
+        rms = rms_norm(deviation.designed, deviation.grid.weights)
+        for key in fields.QUANTITIES:
+            printed = place(deviation.total[f"{key}_max_at_mm"]).replace("\u2212", "-").replace("\u202f", "")
+            x, y = (np.array([float(part[1:])]) for part in printed.split(", "))
+            found = fields.percent_of(shape_operator(mirror.surface.derivatives(x, y)), mirror.curvature.shape(x), rms)[key]
+            assert number(float(found[0])) == number(deviation.total[f"{key}_max_percent"])
+
+
+def test_radii_are_coloured_by_curvature_and_the_scale_tells_them_in_mm(limited: Designed) -> None:
+    mirror, deviation = limited
+    rx = fields.pairs_of(deviation)[0]
+    picture = np.asarray(Image.open(io.BytesIO(pair_maps(deviation, mirror.outline, [rx])))).astype(int)
+    yellow, purple = (np.nonzero((np.abs(picture[..., :3] - colour).max(axis=2) < 12).any(axis=0))[0]
+                      for colour in ([253, 231, 37], [68, 1, 84]))
+    assert yellow.min() < purple.min()  # 400 mm at the left edge, 1250 mm at the right
+    ticks = radius_ticks(*rx.scale())
+    assert {600.0, 800.0, 1000.0} <= set(ticks)
+    apart = np.abs(np.diff(1.0 / np.array(ticks))) / (1.0 / 400.0 - 1.0 / 1250.0)
+    assert apart.min() > 0.05
+    assert radius_ticks(-900.0, -300.0) == [-tick for tick in reversed(radius_ticks(300.0, 900.0))]
+    assert radius_ticks(949.9995, 950.0005)
+    js = (Path(pair_maps.__code__.co_filename).parents[1] / "web" / "js" / "colours.js").read_text("utf-8")
+    (stops,) = re.findall(r"diverging: \[(.*?)\]", js)
+    assert re.findall(r"#[0-9a-f]{6}", stops) == BLUE_ORANGE  # the page's
+
+
+def test_limits_of_the_view_are_rows_with_margins_and_a_verdict(tmp_path: Path) -> None:
+    raw = load_spec("sphere-950").model_dump(exclude_none=True, exclude={"outline"})
+    asked = {"h_fov_deg": [44.0, math.inf], "v_fov_left_deg": [40.0, 42.5], "lane_straightness_percent": [-math.inf, 50.0]}
+    mirror = design(validate_spec(raw | {"limits": asked}))
+    rows = [(row.side, row.limit, row.actual, row.met) for row in view_requirements(mirror, METRICS)]
+    assert rows == [("least", 44.0, 44.82, True), ("least", 40.0, 42.88, True), ("most", 42.5, 42.88, False),
+                    ("most", 50.0, 40.91, True)]
+    (_, _, missed, _) = as_json(view_requirements(mirror, METRICS))
+    assert missed["margin"] == pytest.approx(-0.38)
+    text = _readable(_report(tmp_path, (mirror, _deviation(mirror)), METRICS, MANIFEST))
+    assert not _missing(text, "at least 44°", "at most 42.5°", "−0.38°", "9.09\u202f%", "44, ∞",
+                        "✗ Beyond what is asked: vertical field of view at the left edge, section")
+    # What cannot be measured is not met.
+    unknown = [row.met for row in view_requirements(mirror, METRICS | {"lane_straightness_percent": {"traced": None}})]
+    assert unknown == [True, True, False, False]
+    assert as_json(view_requirements(mirror, {}))[0]["actual"] is None
+    _check_plain(_report(tmp_path, (mirror, _deviation(mirror)), METRICS | {"h_fov_deg": {"section": None}}, MANIFEST))
 
 
 def test_the_same_mirror_gives_the_same_page(tmp_path: Path, limited: Designed, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import mirror_cad
+import mirror_cad.spec_file
 from tests.conftest import constant, spec_of
 
 VERTICAL = '[vertical]\nlaw = "constant"\nradius_mm = 1250.0\n'
@@ -38,6 +39,37 @@ def test_part_names_the_mirror_and_changes_nothing_of_it() -> None:
 def test_bad_part_is_refused_with_key_and_reason(part: dict[str, object], named: str) -> None:
     with pytest.raises(mirror_cad.SpecError, match=named):
         spec_of(constant(900.0), constant(900.0), part=part)
+
+
+def test_limits_of_the_view_have_two_sides_of_which_one_may_be_free(spec_file: Callable[[str], Path]) -> None:
+    limits = mirror_cad.load_spec(spec_file(
+        '[horizontal]\nlaw = "constant"\nradius_mm = 900\n' + VERTICAL
+        + "[limits]\nh_fov_deg = [44, inf]\nlane_straightness_percent = [-inf, 45.5]\n")).limits
+    assert (limits.h_fov_deg, limits.v_fov_left_deg, limits.lane_straightness_percent) == (
+        (44.0, np.inf), None, (-np.inf, 45.5))
+
+
+@pytest.mark.parametrize(("ends", "named"), [
+    ([45, 44], "must not be above"), ([45], "two numbers"), (45, "two numbers"), (["a", 1], "two numbers"),
+    ([float("nan"), 1], "two numbers"), ([float("inf"), float("inf")], "two numbers"), ([True, 3], "two numbers"),
+    ([0, 10**400], "two numbers")])
+def test_bad_limits_are_refused_with_key_and_reason(ends: object, named: str) -> None:
+    with pytest.raises(mirror_cad.SpecError, match=rf"limits.h_fov_deg = .*{named}"):
+        spec_of(constant(900.0), constant(900.0), limits={"h_fov_deg": ends})
+
+
+@pytest.mark.parametrize(("sections", "words"), [
+    ({"part": {"number": "a\u202eb\x1b[31m"}}, 'part.number = "a\ufffdb\ufffd[31m"'),
+    ({"glass": {"thick\u2028ness": 3.0}}, "glass.thick\ufffdness: unknown key"),
+    ({"name": "\ud800"}, 'name = "\ufffd"'),
+    ({"horizontal": {"law": "expression", "radius": "1250 +"}}, "cannot be read: invalid syntax; it may hold")])
+def test_messages_hold_nothing_unseen_and_no_parsers_words(sections: dict[str, object], words: str) -> None:
+    raw = {"name": "a", "horizontal": constant(900.0), "vertical": constant(900.0)}
+    with pytest.raises(mirror_cad.SpecError) as caught:
+        mirror_cad.spec_file.validate_spec(raw | sections)
+    assert words in str(caught.value)
+    str(caught.value).encode()
+    assert "<unknown>" not in str(caught.value)
 
 
 def test_a_table_from_csv_beside_the_spec_is_the_law(tmp_path: Path, spec_file: Callable[[str], Path]) -> None:

@@ -9,12 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from mirror_cad.mirror import design
 from mirror_cad.occt.step import read_step
 from mirror_cad.spec_file import load_spec
 from mirror_studio import checks
+from mirror_studio.web.protocol import unpack
 from tests.studio_page import CHROMIUM, SOON, becomes, chromium, figure, key, opened, revision, revision_after, settled
 from tests.studio_server import Studio, running, start
 
@@ -182,9 +183,9 @@ def test_pinned_design_stays_beside_the_new_one_and_swaps(page: Page) -> None:
     cell = page.locator("#figures tr.pinned td >> nth=4")
     expect(cell).to_have_text("40.91")
     assert page.locator("#figures tr.change td >> nth=4").inner_text()[0] in "+−"
-    page.locator('input[name="limits.straightness.1"]').fill("10")
+    page.locator('input[name="limits.lane_straightness_percent.1"]').fill("10")
     expect(page.locator("#figures tr.verdict td >> nth=4")).to_contain_text("fail")
-    page.locator('input[name="limits.straightness.1"]').fill("60")
+    page.locator('input[name="limits.lane_straightness_percent.1"]').fill("60")
     expect(page.locator("#figures tr.verdict td >> nth=4")).to_contain_text("pass")
     page.click("#swap")
     page.wait_for_function("document.querySelector('[data-testid=straightness]').textContent === '40.91'", timeout=SOON)
@@ -205,6 +206,126 @@ def test_both_eyes_grid_and_probe(page: Page) -> None:
     first = page.locator("#readout").inner_text()
     page.keyboard.press("ArrowRight")
     expect(page.locator("#readout")).not_to_have_text(first, timeout=SOON)
+
+
+def test_a_dragged_point_has_one_radius_for_one_place_of_the_pointer(page: Page) -> None:
+    """Beyond the plot too, however long the pointer stays there; and a convex law stays convex."""
+    point = page.locator('.law >> nth=0 >> [data-id="left_mm"]')
+    box = point.bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    found = []
+    for down in (100, 101, 100, 101, 100, -30, -31, -30, 100):
+        page.mouse.move(x, y + down)
+        page.wait_for_timeout(150)
+        found.append(page.evaluate("document.querySelector('.law [data-id=left_mm]').point.r"))
+    page.mouse.up()
+    assert found[0] == found[2] == found[4] == found[8] == 20
+    assert found[5] == found[7] > 400
+    settled(page)
+
+
+def test_a_flat_law_is_a_line_at_the_top_in_words(page: Page, browser: Browser, studio: Studio) -> None:
+    page.select_option('select[name="vertical.law"]', label="constant")
+    settled(page)
+    page.evaluate("location.hash += '&vertical.radius_mm=inf'")
+    expect(page.locator(".law >> nth=1")).to_contain_text("flat (R = ∞)", timeout=SOON)
+    settled(page)
+    assert page.locator(".law >> nth=1 >> .handle").count() == 0
+    assert "NaN" not in page.locator("#laws").inner_html()
+    assert page.get_by_label("Ry everywhere in mm").input_value() == ""
+    page.get_by_label("Ry everywhere in mm").fill("1200")
+    expect(page.locator(".law >> nth=1 >> .handle")).to_have_count(1, timeout=SOON)
+    expect(page.locator(".law >> nth=1")).not_to_contain_text("flat")
+
+
+def test_a_long_table_has_no_points_to_drag(page: Page, tmp_path: Path) -> None:
+    path = tmp_path / "long.csv"
+    path.write_text("x_mm,radius_mm\n" + "".join(f"{-115 + 2.3 * i:.3f},{900 + i}\n" for i in range(101)), encoding="utf-8")
+    with page.expect_file_chooser() as chooser:
+        page.locator('text="Table from CSV …" >> nth=0').click()
+    chooser.value.set_files(path)
+    expect(page.locator("#controls")).to_contain_text("101 rows: edit them as CSV", timeout=SOON)
+    settled(page)
+    expect(page.locator(".law >> nth=0 >> .handle")).to_have_count(0)
+
+
+def test_the_law_goes_out_in_radii(page: Page, tmp_path: Path) -> None:
+    settled(page)
+    with page.expect_download() as download:
+        page.locator('details:has-text("Horizontal") >> text="CSV" >> nth=0').click()
+    download.value.save_as(tmp_path / "law.csv")
+    lines = (tmp_path / "law.csv").read_text().splitlines()
+    assert lines[0] == "x_mm,radius_mm"
+    for line, radius in ((lines[1], 400.0), (lines[-1], 1250.0)):
+        assert float(line.split(",")[1]) == pytest.approx(radius, rel=1e-6)  # float32 on the way
+
+
+def test_while_a_is_shown_nothing_is_said_of_the_design_at_hand(page: Page) -> None:
+    settled(page)
+    page.keyboard.press("p")
+    page.locator("#hold:enabled").click()
+    view = page.get_by_test_id("driver-view")
+    view.hover(position={"x": 300, "y": 260})
+    expect(page.locator("#readout")).to_contain_text("pinned design A")
+    page.click("#hold")
+    expect(page.locator("#readout")).to_have_text("")
+    view.hover(position={"x": 302, "y": 260})
+    expect(page.locator("#readout")).to_contain_text("of flat", timeout=SOON)
+
+
+def test_fields_show_what_is_in_force(page: Page) -> None:
+    """After undo, and when what was entered is no number."""
+    settled(page)
+    number, limit = page.get_by_label("Ry left in mm"), page.locator('input[name="limits.h_fov_deg.0"]')
+    number.fill("1400")
+    page.wait_for_timeout(600)
+    page.keyboard.press("Control+z")
+    expect(number).to_have_value("1350", timeout=SOON)
+    number.fill("")
+    page.wait_for_timeout(300)
+    expect(number).to_have_value("")  # it is being entered
+    number.blur()
+    expect(number).to_have_value("1350")
+    limit.fill("40")
+    page.wait_for_timeout(600)
+    page.keyboard.press("Control+z")
+    expect(limit).to_have_value("")
+    page.select_option('select[name="vertical.law"]', label="table")
+    settled(page)
+    cell = page.locator('input[name="vertical.radius_mm.2"]')
+    before = cell.input_value()
+    cell.fill("1111")
+    page.wait_for_timeout(600)
+    page.keyboard.press("Control+z")
+    expect(cell).to_have_value(before, timeout=SOON)
+
+
+def test_the_preset_is_named_as_long_as_the_design_is_it(page: Page) -> None:
+    settled(page)
+    page.get_by_label("Ry left in mm").fill("1400")
+    shown = "document.querySelector('#preset').selectedOptions[0].textContent"
+    page.wait_for_function(f"{shown} === 'progressive-c, changed'", timeout=SOON)
+    page.select_option("#preset", "progressive-c")  # the preset itself again
+    becomes(page, "vertical.left_mm", 1350)
+    page.wait_for_function(f"{shown} === 'progressive-c'", timeout=SOON)
+
+
+@pytest.mark.parametrize("width", [640, 1024, 1280, 1920])
+def test_nothing_of_the_header_is_cut_or_covered(width: int, page: Page) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    page.get_by_label("Ry left in mm").fill("1400")
+    settled(page)
+    page.evaluate("document.querySelector('header').scrollIntoView()")
+    found = page.evaluate("""() => [...document.querySelectorAll('header :is(button, select, h1, output)')].map((e) => {
+        const box = e.getBoundingClientRect(), at = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+        return { what: e.id || e.dataset.take || e.tagName, right: box.right, on: e.contains(at) || at.contains(e),
+                 below: box.bottom <= document.querySelector('main').getBoundingClientRect().top }; })""")
+    assert all(one["right"] <= width and one["on"] and one["below"] for one in found), found
+    height = page.evaluate("document.querySelector('header').offsetHeight")
+    assert height <= 42 if width >= 1280 else height < 130
 
 
 # --- impossible designs -----------------------------------------------------------------------------------------------
@@ -233,6 +354,55 @@ def test_impossible_match_and_wrong_formula_are_said_too(page: Page) -> None:
     expect(page.get_by_test_id("error")).to_contain_text("horizontal", timeout=SOON)
 
 
+def test_a_look_out_of_range_is_said_and_leaves_the_last_good_view(page: Page) -> None:
+    settled(page)
+    page.locator('details:has-text("Eye and pose") > summary').click()
+    yaw, error, shown = page.get_by_label("Yaw in °"), page.get_by_test_id("error"), revision(page)
+    yaw.fill("60")
+    expect(error).to_have_text("Yaw: −45 to 45°")
+    page.wait_for_timeout(500)
+    assert revision(page) == shown
+    assert "yaw" not in page.url
+    yaw.blur()
+    expect(yaw).to_have_value("0")
+    yaw.fill("20")
+    expect(error).to_have_text("")
+    revision_after(page, shown)
+    settled(page)
+
+
+def test_a_link_is_a_step_of_undo_and_what_cannot_be_is_left_out_of_it(page: Page) -> None:
+    page.get_by_label("Ry left in mm").fill("1300")
+    settled(page)
+    page.evaluate("location.hash = 'sphere-1250&look.yaw_deg=60&look.eye_z_m=19&look.view=moon&look.pitch_deg=2'")
+    becomes(page, "horizontal.radius_mm", 1250)
+    error = page.get_by_test_id("error")
+    for words in ("Yaw: −45 to 45°", "Eyes above road: ", "look.view: picture or road"):
+        expect(error).to_contain_text(words)
+    settled(page)
+    expect(page.locator("#lost")).to_be_hidden()
+    assert key(page, "look.yaw_deg") == 0
+    assert key(page, "look.pitch_deg") == 2
+    page.click("#undo")
+    becomes(page, "vertical.left_mm", 1300)
+    expect(page.locator("#preset")).to_have_value("")
+
+
+def test_a_new_picture_clears_no_other_messages(page: Page, tmp_path: Path) -> None:
+    (tmp_path / "wrong.step").write_text("nothing", encoding="utf-8")
+    with page.expect_file_chooser() as chooser:
+        page.click("#own")
+    chooser.value.set_files(tmp_path / "wrong.step")
+    expect(page.get_by_test_id("error")).not_to_have_text("", timeout=SOON)
+    words, before = page.get_by_test_id("error").inner_text(), revision(page)
+    page.get_by_label("Ry left in mm").fill("1300")
+    revision_after(page, before)
+    settled(page)
+    expect(page.get_by_test_id("error")).to_have_text(words)
+    page.click("#error-close")
+    expect(page.get_by_test_id("error")).to_be_hidden()
+
+
 # --- taking away, and coming back -------------------------------------------------------------------------------------
 
 
@@ -258,6 +428,20 @@ def test_downloaded_step_passes_the_checks_of_build(page: Page, tmp_path: Path) 
     assert download.value.suggested_filename == "progressive-c-report.html"
 
 
+def test_what_was_made_is_said_of_the_design_that_it_was_made_of(page: Page) -> None:
+    settled(page)
+    page.get_by_label("Picture width in px").evaluate("element => { element.closest('details').open = true; }")
+    page.get_by_label("Picture width in px").fill("480")
+    with page.expect_download(timeout=180_000):
+        page.click('[data-take="stl"]')
+        page.get_by_label("Ry left in mm").fill("1300")
+    made = page.locator("#made")
+    expect(made).to_contain_text("of the design as it was when asked for", timeout=SOON)
+    assert made.get_attribute("title") == made.inner_text()
+    page.get_by_label("Ry left in mm").fill("1301")
+    expect(made).to_have_text("")
+
+
 def test_files_can_be_cancelled(page: Page) -> None:
     page.locator('input[name="vertical.left_mm"]').fill("1311")
     page.click('[data-take="stl"]')
@@ -269,7 +453,7 @@ def test_files_can_be_cancelled(page: Page) -> None:
 
 def test_the_address_holds_the_design(page: Page, browser: Browser) -> None:
     page.locator('input[name="vertical.left_mm"]').fill("1287.5")
-    page.locator('input[name="limits.h-fov.0"]').fill("40")
+    page.locator('input[name="limits.h_fov_deg.0"]').fill("40")
     page.click("#eyes")
     page.wait_for_function("location.hash.includes('1287.5') && location.hash.includes('both')", timeout=SOON)
     settled(page)
@@ -284,7 +468,7 @@ def test_the_address_holds_the_design(page: Page, browser: Browser) -> None:
     revision_after(other, 0)
     settled(other)
     assert figure(other, "straightness") == straightness
-    assert other.locator('input[name="limits.h-fov.0"]').input_value() == "40"
+    assert other.locator('input[name="limits.h_fov_deg.0"]').input_value() == "40"
     expect(other.locator("#eyes")).to_have_attribute("aria-pressed", "true")
     other.close()
 
@@ -360,6 +544,60 @@ def test_own_mirror_stands_beside_the_design_and_outlives_the_server(browser: Br
         assert figure(page, "straightness") != straightness
         page.click("#own-away")
         page.wait_for_function("!location.hash.includes('look.own=')", timeout=SOON)
+    finally:
+        page.close()
+        if studio.process.poll() is None:
+            studio.stop()
+
+
+def test_mirrors_beside_each_other_are_shown_at_one_scale(page: Page, tmp_path: Path) -> None:
+    spec = load_spec("sphere-1250")
+    large = {"width_mm": 460.0, "left_height_mm": 540.0, "right_height_mm": 660.0, "corner_radius_mm": 40.0}
+    blank = {"width_mm": 480.0, "height_mm": 700.0}
+    spec = type(spec).model_validate(spec.model_dump() | {"outline": large, "blank": blank})
+    design(spec).export_step(tmp_path / "large.step")
+    answers = []
+
+    def listen(socket: WebSocket) -> None:
+        socket.on("framereceived", lambda data: answers.append(unpack(data)[0]) if isinstance(data, bytes) else None)
+
+    page.on("websocket", listen)
+    page.reload()
+    revision_after(page, 0)
+    with page.expect_file_chooser() as chooser:
+        page.click("#own")
+    chooser.value.set_files(tmp_path / "large.step")
+    page.wait_for_function("location.hash.includes('look.own=')", timeout=SOON)
+    settled(page)
+    assert answers[-1]["layout"] == [2, 1]
+    page.click("#eyes")
+    settled(page)
+    last = answers[-1]
+    assert last["fine"]
+    assert last["layout"] == [2, 2]  # larger so than beside each other
+    assert last["sizes_mm"]["own"][0] == pytest.approx(460.0, abs=1e-3)
+    pixel, own = last["frames"]["picture"][2], last["frames"]["own"][2]
+    assert pixel == pytest.approx(own, rel=0.5 / last["frames"]["picture"][3])  # whole pixels
+    page.click("#view-road")
+    page.wait_for_function("document.body.dataset.due === 'no'", timeout=3 * SOON)
+    angles = [(sum(v * v for v in camera[3:6]) / sum((b + 0.5 * camera[9] * a + 0.5 * camera[10] * d) ** 2 for b, a, d in
+               zip(camera[:3], camera[3:6], camera[6:9], strict=True))) ** 0.5 for camera in answers[-1]["cameras"].values()]
+    assert len(angles) == 4
+    assert max(angles) == pytest.approx(min(angles), rel=5e-3)
+
+
+def test_without_a_server_taking_away_says_so(browser: Browser) -> None:
+    studio = start()
+    page = browser.new_page()
+    try:
+        page.goto(studio.address)
+        revision_after(page, 0)
+        settled(page)
+        assert studio.stop() == 0
+        for kind in ("spec", "step"):
+            page.click(f'[data-take="{kind}"]')
+            expect(page.get_by_test_id("error")).to_contain_text("the studio's server does not answer", timeout=SOON)
+            page.click("#error-close")
     finally:
         page.close()
         if studio.process.poll() is None:

@@ -214,9 +214,10 @@ def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
 
 
 def test_every_key_of_a_specification_is_among_the_controls() -> None:
-    """Tables have rows of inputs, files have buttons."""
+    """Tables have rows of inputs, files have buttons, limits of figures stand under these."""
     held = {re.sub(r"\.[01]$", "", control.key) for group in GROUPS for control in group.controls}
     others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm")} | {"outline.file"}
+    others |= {f"limits.{key}" for key in ("h_fov_deg", "v_fov_left_deg", "lane_straightness_percent")}
     found = set(keys_of(MirrorSpec))
     assert {"part.number", "part.hand", "horizontal.match.sphere_mm", "scene.lane.slope"} <= found
     assert found - held - others == set()

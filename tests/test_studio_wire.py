@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import hashlib
 import http.client
+import io
 import json
+import math
 import os
 import random
 import socket
 import subprocess
 import sys
 import time
+import urllib.parse
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from mirror_cad.mirror import design as design_of
 from mirror_cad.spec_file import load_spec
-from mirror_studio.web import state
-from mirror_studio.web.protocol import LARGEST_MESSAGE, unpack
+from mirror_studio.web import engine, state
+from mirror_studio.web.downloads import unlike_the_page
+from mirror_studio.web.protocol import LARGEST_MESSAGE, Look, unpack
 from mirror_studio.web.state import as_state
+from mirror_studio.web.turned import Turn
+from mirror_studio.web.uploads import cleaned
+from raytrace.camera import Frame
+from raytrace.image import driver_view
 from tests.conftest import PAPER_MIRRORS
 from tests.studio_server import Studio, running, start
 
@@ -168,6 +181,41 @@ def test_impossible_design_is_answered_in_words_and_the_connection_stays(studio:
         assert answer(connection)["type"] == "shown"
 
 
+IMPOSSIBLE_LOOKS = [
+    ({"yaw_deg": 60}, "look.yaw_deg = 60: must be at least -45 and at most 45"),
+    ({"eye_z_m": 99}, "look.eye_z_m = 99: must be above 0 and at most 5"),
+    ({"view": "moon"}, 'look.view = "moon": must be one of'), ({"width": 99999999}, "look.width = 99999999: must be"),
+    ({"own": 3}, "look.own = 3: must be text"), ({"yaw_dge": 1.0}, "did you mean 'yaw_deg'")]
+
+
+@pytest.mark.parametrize(("look", "words"), IMPOSSIBLE_LOOKS, ids=[next(iter(look)) for look, _ in IMPOSSIBLE_LOOKS])
+def test_an_impossible_look_is_answered_in_words_and_the_connection_stays(
+        look: dict[str, Any], words: str, studio: Studio) -> None:
+    with wire(studio) as connection:
+        for kind, answered in (("design", "error"), ("pinned", "unpinned"), ("build", "unbuilt")):
+            connection.send(design(7, look=LOOK | look, type=kind))
+            got = answer(connection)
+            assert (got["type"], got["id"], len(got["faults"])) == (answered, 7, 1)
+            assert words in got["faults"][0]
+        connection.send(design(8))
+        assert answer(connection)["type"] == "shown"
+    status, _, content = ask(studio, "POST", "/toml", design(1, look=LOOK | look).encode())
+    assert status == 400
+    assert words in json.loads(content)["faults"][0]
+
+
+def test_files_go_on_being_made_after_an_impossible_look(studio: Studio) -> None:
+    with wire(studio) as connection:
+        connection.send(design(1, type="build"))
+        assert answer(connection)["type"] == "building"
+        connection.send(design(2, look=LOOK | {"yaw_deg": 60}))
+        connection.send(design(3, look=LOOK | {"yaw_deg": 60}, type="build"))
+        found: list[dict[str, Any]] = []
+        while not found or found[-1]["type"] != "built":
+            found.append(answer(connection))
+        assert {(one["type"], one["id"]) for one in found} == {("building", 1), ("error", 2), ("unbuilt", 3), ("built", 1)}
+
+
 def test_probe_says_where_a_ray_lands(studio: Studio) -> None:
     with wire(studio) as connection:
         connection.send(json.dumps({"type": "probe", "id": 1, "x": 0.0, "y": 0.0}))
@@ -201,8 +249,163 @@ def test_files_are_built_and_taken_away_and_can_be_cancelled(studio: Studio, tmp
         assert status == 200
         assert len(content) > 100
         assert "attachment" in headers["content-disposition"]
+    assert ask(studio, "HEAD", f"/files/{got['token']}/pdf")[0] == 200
+    assert ask(studio, "GET", f"/files/{got['token']}/pdf")[2].startswith(b"%PDF-")
     assert ask(studio, "GET", f"/files/{got['token'][:-1]}x/step")[0] == 404
     assert ask(studio, "GET", f"/files/{got['token']}/passwd")[0] == 404
+
+
+ELLIPSE = b'''<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="160mm" viewBox="-100 -80 200 160">
+<ellipse cx="5" cy="-10" rx="90" ry="60"/></svg>'''
+
+
+def small_picture() -> bytes:
+    stream = io.BytesIO()
+    Image.new("RGB", (64, 48), "grey").save(stream, "PNG")
+    return stream.getvalue()
+
+
+def brought(studio: Studio, kind: str, name: str, data: bytes) -> str:
+    ending = Path(name).suffix.lower()
+    path = f"/upload/{kind}?ending={ending}&name={urllib.parse.quote(name)}"
+    return str(json.loads(ask(studio, "POST", path, data)[2])["name"])
+
+
+def test_a_specification_with_files_is_taken_away_with_them_under_their_owners_names(studio: Studio, tmp_path: Path) -> None:
+    spec = as_state(load_spec("sphere-950"))
+    spec["outline"] = {"file": brought(studio, "outline", "C:\\my parts\\../door \u202emirror.SVG", ELLIPSE)}
+    spec["scene"]["image"] = brought(studio, "picture", "yard.png", small_picture())
+    made = json.loads(ask(studio, "POST", "/toml", json.dumps({"spec": spec, "look": LOOK}).encode())[2])
+    assert made["name"] == "sphere-950.zip"
+    with zipfile.ZipFile(io.BytesIO(base64.b64decode(made["zip"]))) as archive:
+        assert sorted(archive.namelist()) == ["door_mirror.svg", "sphere-950.toml", "yard.png"]
+        archive.extractall(tmp_path)
+    mirror = design_of(load_spec(tmp_path / "sphere-950.toml"))
+    assert mirror.box == pytest.approx((-85.0, 95.0, -50.0, 70.0), abs=1e-9)
+    # The set of all files has them too, where none of its own can have their names.
+    spec["view"]["width_px"] = 320
+    with wire(studio) as connection:
+        connection.send(design(1, spec, type="build"))
+        while (got := answer(connection))["type"] == "building":
+            pass
+    assert got["type"] == "built", got
+    content = ask(studio, "GET", f"/files/{got['token']}/all")[2]
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert {"sphere-950/inputs/door_mirror.svg", "sphere-950/inputs/yard.png"} <= set(archive.namelist())
+        archive.extractall(tmp_path)
+    assert load_spec(tmp_path / "sphere-950" / "sphere-950.toml").outline.file == str(
+        tmp_path / "sphere-950" / "inputs" / "door_mirror.svg")
+    # In what is said of it a file has its owner's name.
+    spec["outline"] = {"file": brought(studio, "outline", "long.svg", ELLIPSE.replace(b"90", b"99").replace(b"60", b"79"))}
+    spec["blank"] = {"width_mm": 100.0, "height_mm": 100.0}
+    with wire(studio) as connection:
+        connection.send(design(1, spec))
+        (fault,) = answer(connection)["faults"]
+    assert "long.svg" in fault
+    assert "/" not in fault
+
+
+@pytest.mark.parametrize(("shown", "name"), [
+    ("../../etc/passwd", "passwd.dxf"), ("a b.DXF", "a_b.dxf"), (".dxf", "hash.dxf"), ("...", "hash.dxf"),
+    ("☃.dxf", "hash.dxf"), ("x" * 200 + ".dxf", "x" * 64 + ".dxf"), ("a\0\n\u202eb.dxf", "a_b.dxf"), ("--out.dxf", "out.dxf")])
+def test_a_files_name_is_cleaned(shown: str, name: str) -> None:
+    assert cleaned(shown, ".dxf", "hash.dxf") == name
+
+
+@pytest.mark.parametrize(("scale", "words"), [(1e3, "your mirror is 200 m wide"), (1e-3, "your mirror is 0.2 mm wide")])
+def test_a_mirror_in_other_units_is_told_by_its_size(scale: float, words: str, studio: Studio) -> None:
+    corners = scale * np.array([[-100.0, -80.0, 0.0], [100.0, -80.0, 0.0], [0.0, 80.0, 0.0]])
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\n"
+    status, _, content = ask(studio, "POST", "/upload/reflector?ending=.obj&name=own.obj", text.encode())
+    assert status == 400
+    assert words in json.loads(content)["faults"][0]
+    assert "check its units" in json.loads(content)["faults"][0]
+
+
+def test_a_file_that_cannot_be_read_has_its_owners_name(studio: Studio) -> None:
+    status, _, content = ask(studio, "POST", "/upload/outline?ending=.dxf&name=my%20door.dxf", b"no DXF")
+    assert status == 400
+    (fault,) = json.loads(content)["faults"]
+    assert "my_door.dxf" in fault
+    assert "/" not in fault
+
+
+def test_a_file_that_is_no_longer_here_is_asked_for_and_an_own_mirror_hides_no_design(studio: Studio) -> None:
+    gone = "0123456789abcdef01234567"
+    spec = as_state(load_spec("sphere-950"))
+    with wire(studio) as connection:
+        connection.send(design(1, look=LOOK | {"own": f"{gone}.step"}))
+        got = answer(connection)
+        assert got["type"] == "shown"
+        assert any("bring it in again" in note for note in got["notes"])
+        connection.send(design(2, look=LOOK | {"own": f"{gone}.step"}, type="pinned"))
+        assert answer(connection)["type"] == "pinned"
+        connection.send(design(3, spec | {"outline": {"file": f"{gone}.dxf"}}))
+        got = answer(connection)
+        assert got["faults"] == ["outline.file: its file is no longer here, and the studio reads no files by their names: "
+                                 "bring it in again with its button"]
+
+
+def test_the_files_say_in_what_they_are_not_of_what_the_page_shows() -> None:
+    spec = load_spec("progressive-c")
+    assert unlike_the_page(spec, Look()) == ()
+    assert unlike_the_page(spec, Look(yaw_deg=10.0, pitch_deg=-2.5)) == (
+        "report, figures and driver-view.png are of the mirror without its yaw of 10° and pitch of −2.5°",)
+    assert unlike_the_page(spec, Look(view="road", yaw_deg=10.0)) == ()
+    hand = "the STEP is the left-hand mirror; the right-hand one is its reflection in x = 0"
+    assert unlike_the_page(spec, Look(view="road", hand="right")) == (hand,)
+    assert unlike_the_page(spec, Look(hand="right")) == ()
+    named = spec.model_copy(update={"part": spec.part.model_copy(update={"hand": "right"})})
+    assert unlike_the_page(named, Look()) == (hand,)
+    # Whose eye sits where the driver of a right-hand mirror does, its laws were written for that side.
+    its_own = named.model_copy(update={"eye": named.eye.model_copy(update={"aligned": "left"})})
+    assert unlike_the_page(its_own, Look()) == ()
+
+
+def test_a_picture_is_taken_as_the_page_shows_it(studio: Studio) -> None:
+    spec = as_state(load_spec("progressive-c"))
+    spec["view"]["width_px"] = 160
+    pictures = {}
+    for name, look in {"plain": {}, "turned": {"yaw_deg": 10.0}, "both": {"eyes": "both"}}.items():
+        status, headers, content = ask(studio, "POST", "/picture", json.dumps({"spec": spec, "look": LOOK | look}).encode())
+        assert (status, headers["content-type"]) == (200, "image/png")
+        pictures[name] = np.asarray(Image.open(io.BytesIO(content))).astype(int)
+    one = load_spec("progressive-c")
+    turned = engine.designed(one.model_copy(update={"view": one.view.model_copy(update={"width_px": 160})}))
+    eye, turn = turned.setting.eye, Turn(math.radians(10.0), 0.0)
+    view, _ = driver_view(turned.reflector, turn.to_mirror(eye), turn.seen_by(turned.setting.scene(turned.picture, one)),
+                          Frame.around(turned.mirror.box, 160), samples=engine.FINE_SAMPLES)
+    assert (pictures["turned"] == view).all()
+    assert np.abs(pictures["turned"] - pictures["plain"]).mean() > 3.0
+    assert pictures["both"].shape[1] == 2 * pictures["plain"].shape[1] + 12
+    # Beside a mirror half as wide, of the same scale.
+    corners = np.array([[-57.5, -80.0, 0.0], [57.5, -80.0, 0.0], [57.5, 80.0, 0.0], [-57.5, 80.0, 0.0]])
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\nf 1 3 4\n"
+    own = brought(studio, "reflector", "own.obj", text.encode())
+    content = ask(studio, "POST", "/picture", json.dumps({"spec": spec, "look": LOOK | {"own": own}}).encode())[2]
+    assert Image.open(io.BytesIO(content)).size[0] == 160 + 12 + 80
+
+
+def test_limits_reach_what_is_taken_away_and_what_is_missed_is_said(studio: Studio) -> None:
+    spec = as_state(load_spec("sphere-950"))
+    spec["view"]["width_px"] = 320
+    spec["limits"] = {"h_fov_deg": [None, 40.0], "v_fov_left_deg": [20.0, None], "lane_straightness_percent": [None, None]}
+    made = json.loads(ask(studio, "POST", "/toml", json.dumps({"spec": spec, "look": LOOK}).encode())[2])
+    assert "h_fov_deg = [-inf, 40.0]" in made["text"]
+    assert "v_fov_left_deg = [20.0, inf]" in made["text"]
+    again = json.loads(ask(studio, "POST", "/upload/spec?ending=.toml", made["text"].encode())[2])["spec"]
+    assert again["limits"] == spec["limits"]
+    with wire(studio) as connection:
+        connection.send(design(1, spec, type="build"))
+        while (got := answer(connection))["type"] == "building":
+            pass
+    assert got["type"] == "built", got
+    (missed,) = got["missed"]
+    assert missed.startswith("horizontal field of view, section: 44.8")
+    assert missed.endswith("asked for: at most 40 °")
+    metrics = json.loads(ask(studio, "GET", f"/files/{got['token']}/metrics")[2])
+    rows = [(row["side"], row["limit"], row["met"]) for row in metrics["limits"]]
+    assert rows == [("most", 40.0, False), ("least", 20.0, True)]
 
 
 def test_toml_and_tables_come_in_and_go_out(studio: Studio) -> None:
@@ -250,8 +453,10 @@ WRONG = ["", "{", "[]", "null", "1e999", '{"type": "design"}', '{"type": "nothin
          '{"type": "cancel", "id": 1, "more": 2}', '{"type": "probe", "id": 1, "x": NaN, "y": 0}',
          '{"type": "cancel", "id": true}', '{"type": "design", "id": 1, "spec": [], "look": {}}', "[" * 100_000,
          '{"a":' * 50_000,
-         '{"type": "design", "id": 1, "spec": {}, "look": {"width": 99999999}}',
-         '{"type": "design", "id": 1, "spec": {}, "look": {"own": 3}}', '{"type": "cancel", "id": ' + "9" * 5000 + "}"]
+         '{"type": "design", "id": 1, "spec": {}, "look": 3}',
+         '{"type": "cancel", "id": 1, "\\ud800\u00e4\u00e4": 2}',
+         '{"type": "design", "id": "1", "spec": {}, "look": {"yaw_deg": 60}}',
+         '{"type": "cancel", "id": ' + "9" * 5000 + "}"]
 
 
 @pytest.mark.parametrize("message", WRONG, ids=range(len(WRONG)))

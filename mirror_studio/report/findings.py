@@ -76,8 +76,10 @@ def write_findings(folder: Path, mirror: Mirror, deviation: CurvatureDeviation, 
                    manifest: Mapping[str, Any]) -> None:
     """Write NAME-report.json and a NAME-TABLE.csv for each of its tables beside the mirror's other files."""
     measured, change = findings.uncertainty, findings.change
+    viewed = [row for row in findings.requirements if row.group == "view"]
     head = {"head": heading(mirror, manifest), "file": f"{mirror.spec.name}.step", "face": "optical face",
-            "verdicts": {"numerical": deviation.numerical, "part": deviation.part},
+            "verdicts": {"numerical": deviation.numerical, "part": deviation.part,
+                         "view": all(row.met for row in viewed) if viewed else None},
             "basis": {"area_mm2": mirror.outline.area_mm2(), "cells": list(measured.cells), "places_inside": measured.places[0],
                       "places_on_edge": measured.places[1], "refined_cells": list(measured.finer_cells),
                       "refined_places_inside": measured.finer[0], "refined_places_on_edge": measured.finer[1],

@@ -21,13 +21,13 @@ def today() -> str:
 
 
 def heading(mirror: Mirror, manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Part number, revision, hand, title, specification with its hash, program and day."""
+    """Part number and revision, None where none is stated; hand, title, specification with its hash, program and day."""
     spec = mirror.spec
     versions = manifest.get("versions") or {}
     program = " ".join(["mirror-cad", *([versions["mirror-cad"]] if "mirror-cad" in versions else [])])
     kernel = f", kernel cadquery-ocp {versions['cadquery-ocp']}" if "cadquery-ocp" in versions else ""
     return {
-        "number": spec.part.number or spec.name, "revision": spec.part.revision, "hand": spec.part.hand,
+        "number": spec.part.number, "revision": spec.part.revision, "hand": spec.part.hand,
         "title": spec.part.title, "spec": spec.name,
         "spec_sha256": spec_digest(manifest["spec"]) if "spec" in manifest else None,
         "program": f"{program}{kernel}", "date": today(),

@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Polygon
@@ -19,12 +19,16 @@ from numpy.typing import NDArray
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.outline import Outline
 from mirror_studio.report.fields import QUANTITIES, DeviationFields, Pair
-from mirror_studio.report.text import with_unit
+from mirror_studio.report.text import plain, with_unit
 
 Array = NDArray[np.float64]
 
 DPI = 150
 WIDTH_IN = 10.4
+# Blue to orange through a light grey, which colour-blind people can tell apart: the studio's own.
+BLUE_ORANGE = ["#1c3f84", "#2f69ad", "#6ba0cf", "#b4cfe4", "#efefec", "#f3cfa0", "#e79c4c", "#c4691c", "#8a3f08"]
+DIVERGING = LinearSegmentedColormap.from_list("blue-orange", BLUE_ORANGE)
+TICK_ROOM = 0.09  # of a scale: what a number needs of its height
 DESIGNED, REALISED, LIMIT = "#a9c4de", "#1f3f66", "#b35806"
 UNIT_OF_VALUE = {"%": "%", "1/m": "/m"}
 STYLE: dict[str, Any] = {
@@ -42,11 +46,18 @@ def pair_maps(deviation: CurvatureDeviation, outline: Outline, pairs: list[Pair]
         figure, row = _row_of_maps(frame, widths[:-1])
         for i, pair in enumerate(pairs):
             left, right, bar, *gap = row[4 * i: 4 * i + 4]
+            radii, (low, high) = pair.unit == "mm", pair.scale()
+            if radii:  # by curvature, as the eye sees a radius and as the studio draws it
+                low, high = sorted((1e3 / low, 1e3 / high))
             for axes, values, which in ((left, pair.designed, "designed"), (right, pair.realised, "realised")):
-                drawn = frame.draw(axes, values, "viridis", *pair.scale())
+                drawn = frame.draw(axes, 1e3 / values if radii else values, "viridis", low, high)
                 axes.set_title(f"{pair.name} {which}", loc="left")
             right.tick_params(left=False, labelleft=False)
             _colour_bar(figure, drawn, bar, f"{pair.name}, {pair.unit}")
+            if radii:
+                ticks = radius_ticks(*pair.scale())
+                bar.set_yticks([1e3 / tick for tick in ticks], labels=[plain(tick) for tick in ticks])
+                bar.minorticks_off()
             for empty in gap:
                 empty.remove()
         row[0].set_ylabel("y, mm")
@@ -60,7 +71,7 @@ def deviation_maps(deviation: CurvatureDeviation, outline: Outline, fields: Devi
     with matplotlib.rc_context(STYLE):
         figure, row = _row_of_maps(frame, [1.0] * len(QUANTITIES) + [0.06], two_line_titles=True)
         for key, axes in zip(QUANTITIES, row, strict=False):
-            drawn = frame.draw(axes, fields.values[key], "RdBu_r", -scale, scale)
+            drawn = frame.draw(axes, fields.values[key], DIVERGING, -scale, scale)
             if fields.limit is not None and not fields.limit_is_far and key in ("k1", "k2"):
                 frame.contour(axes, fields.values[key], [-fields.limit, fields.limit])
             worst, at = fields.worst[key]
@@ -97,7 +108,7 @@ class _Frame:
     def of(deviation: CurvatureDeviation, outline: Outline) -> _Frame:
         return _Frame(deviation, outline.bounding_box(), outline.polyline(0.05))
 
-    def draw(self, axes: Axes, values: Array, colours: str, low: float, high: float) -> AxesImage:
+    def draw(self, axes: Axes, values: Array, colours: str | Colormap, low: float, high: float) -> AxesImage:
         drawn = axes.imshow(self._beyond_the_rim(values).T, origin="lower", extent=self.extent, cmap=colours,
                             norm=Normalize(low, high), interpolation="bilinear", aspect="equal")
         drawn.set_clip_path(Polygon(self.rim.tolist(), closed=True, transform=axes.transData))
@@ -130,6 +141,17 @@ class _Frame:
             mean = np.where(known, around, 0.0).sum(axis=0) / np.maximum(number_known, 1)
             rectangle = np.where(np.isnan(rectangle) & (number_known > 0), mean, rectangle)
         return rectangle
+
+
+def radius_ticks(low: float, high: float) -> list[float]:
+    """Round radii, mm, from `low` to `high` of one sign, as many as have room on a scale that is even in curvature."""
+    found: list[float] = []
+    span = abs(1.0 / low - 1.0 / high)
+    for most in (3, 5, 9, 17, 33):  # the roundest first
+        for tick in MaxNLocator(most, steps=[1, 2, 5, 10]).tick_values(low, high):
+            if low <= tick <= high and all(abs(1.0 / tick - 1.0 / other) >= TICK_ROOM * span for other in found):
+                found.append(float(tick))
+    return sorted(found)
 
 
 def _ticks(low: float, high: float, most: int) -> Array:

@@ -18,7 +18,7 @@ from mirror_studio.report.heading import HANDS, SIGNATURES, contradictions, head
 from mirror_studio.report.histogram import histogram_figure
 from mirror_studio.report.maps import deviation_maps, pair_maps
 from mirror_studio.report.marked_view import marked_view
-from mirror_studio.report.rows import change_rows, probe_rows, requirement_groups
+from mirror_studio.report.rows import VIEW_DECIMALS, change_rows, probe_rows, requirement_groups
 from mirror_studio.report.side_by_side import side_by_side
 from mirror_studio.report.stages import (
     FLOOR_DIGITS,
@@ -48,6 +48,7 @@ from mirror_studio.report.text import (
     templates,
     with_unit,
 )
+from mirror_studio.report.verdict_table import Requirement, view_requirements
 from mirror_studio.setting import Setting
 from raytrace.camera import Frame
 
@@ -92,8 +93,9 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
     }
     head = heading(mirror, manifest)
     page = templates().get_template("report.html.j2").render(
-        title=f"{head['number']}: curvature report", head=head, hands=HANDS, signatures=SIGNATURES,
-        contradictions=contradictions(mirror), facts=_facts(mirror, metrics), verdicts=verdicts(mirror, deviation, fields),
+        title=f"{head['number'] or head['spec']}: curvature report", head=head, hands=HANDS, signatures=SIGNATURES,
+        contradictions=contradictions(mirror), facts=_facts(mirror, metrics),
+        verdicts=verdicts(mirror, deviation, fields, metrics),
         requirements=requirement_groups(findings.requirements, findings.uncertainty),
         basis=basis_rows(mirror, metrics, findings), sampling=sampling_rows(findings.uncertainty),
         rounding=rounding_rows(deviation, findings.uncertainty),
@@ -114,9 +116,25 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
     path.write_text(page, encoding="utf-8")
 
 
-def verdicts(mirror: Mirror, deviation: CurvatureDeviation, fields: DeviationFields) -> list[dict[str, str]]:
-    """The two verdicts in words with their numbers: what was judged, met (“yes”, “no” or “open”), head and text."""
-    return [_numerical_verdict(mirror, deviation), _part_verdict(mirror, deviation, fields)]
+def verdicts(mirror: Mirror, deviation: CurvatureDeviation, fields: DeviationFields,
+             metrics: Mapping[str, Any]) -> list[dict[str, str]]:
+    """The verdicts in words with their numbers: what was judged, met (“yes”, “no” or “open”), head and text."""
+    rows = view_requirements(mirror, metrics)
+    return [_numerical_verdict(mirror, deviation), _part_verdict(mirror, deviation, fields),
+            *([_view_verdict(rows)] if rows else [])]
+
+
+def _view_verdict(rows: list[Requirement]) -> dict[str, str]:
+    met = all(row.met for row in rows)
+    asked: dict[str, list[str]] = {}
+    for row in rows:
+        if row.limit is not None:
+            said = f"{row.name} {fixed_with_unit(row.actual, row.unit, VIEW_DECIMALS)}"
+            asked.setdefault(said, []).append(f"at {row.side} {given(row.limit, row.unit)}")
+    text = "; ".join(f"{said} (asked for: {' and '.join(limits)})" for said, limits in asked.items())
+    return {"what": "View", "met": "yes" if met else "no", "text": f"{text[0].upper()}{text[1:]}.",
+            "head": "Within what is asked of field of view and lane" if met else
+            f"Beyond what is asked: {'; '.join(row.name for row in rows if not row.met)}"}
 
 
 def _numerical_verdict(mirror: Mirror, deviation: CurvatureDeviation) -> dict[str, str]:

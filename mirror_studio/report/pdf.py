@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import sys
 from pathlib import Path
 
-from mirror_cad.errors import SpecError, WriteError
+from mirror_cad.errors import MirrorError, SpecError, WriteError
 
 PANGO = "libpango-1.0-0, libpangoft2-1.0-0 and libharfbuzz-subset0"
 
@@ -31,3 +32,12 @@ def write_pdf(page: Path, path: Path) -> None:
     HTML(string=page.read_text("utf-8"), url_fetcher=URLFetcher(allowed_protocols=("data",))).write_pdf(path)
     if not path.read_bytes().startswith(b"%PDF-"):
         raise WriteError(f"{path.name}: the PDF could not be written")
+
+
+def main() -> None:
+    """The two files of `write_pdf` as arguments; where it cannot be done, one line that says why and exit code 1."""
+    try:
+        check_pdf()
+        write_pdf(Path(sys.argv[1]), Path(sys.argv[2]))
+    except MirrorError as error:
+        sys.exit(str(error).removeprefix("--pdf: "))

@@ -6,15 +6,17 @@ import math
 
 from mirror_studio.report.probe import Probe
 from mirror_studio.report.step_change import StepChange
-from mirror_studio.report.text import MISSING, NARROW_SPACE, fixed, given, place, plain, with_unit
+from mirror_studio.report.text import MISSING, NARROW_SPACE, fixed, fixed_with_unit, given, place, plain, with_unit
 from mirror_studio.report.uncertainty import Uncertainty
-from mirror_studio.report.verdict_table import Requirement
+from mirror_studio.report.verdict_table import Requirement, Side
 
 GROUPS = {"part": "Part: optical face as read back, against the design",
+          "view": "View: field of view and lane, as asked for",
           "numerical": "Numerics: each stage against the one before",
           "files": "Files: read back, against the design"}
 # What a CAD system shows: a micrometre's thousandth, and of a radius a tenth of a micrometre.
 COORDINATE_DECIMALS, NORMAL_DECIMALS, RADIUS_DECIMALS, ANGLE_DECIMALS = 6, 7, 4, 3
+VIEW_DECIMALS = 2  # of degrees and percent, as table 1 is compared
 
 
 def requirement_groups(rows: list[Requirement], measured: Uncertainty) -> list[tuple[str, list[dict[str, str]]]]:
@@ -42,21 +44,24 @@ def change_rows(change: StepChange) -> list[tuple[str, str, str, str]]:
 
 
 def _requirement(row: Requirement, measured: Uncertainty) -> dict[str, str]:
-    signed = row.group != "files"
+    signed = row.group not in ("files", "view")
+    before = {"size": "±" if signed else "", "least": "at least ", "most": "at most "}[row.side]
     verdict = {True: "met", False: "not met", None: "no limit"}[row.met]
     key = row.name[:2]
     if row.group == "part" and row.margin is not None and abs(row.margin) < measured.missed(key):
         verdict += ", but closer than the grid tells"
     return {
         "name": row.name, "met": {True: "yes", False: "no", None: "open"}[row.met], "verdict": verdict,
-        "limit": MISSING if row.limit is None else ("±" if signed else "") + _asked(row.limit, row.unit),
-        "actual": _quantity(row.actual, row.unit, signed), "margin": MISSING if row.margin is None else
-        _quantity(row.margin, row.unit, False), "place": MISSING if row.place is None or row.actual == 0.0 else
+        "limit": MISSING if row.limit is None else before + _asked(row.limit, row.unit),
+        "actual": _quantity(row.actual, row.unit, signed, row.side), "margin": MISSING if row.margin is None else
+        _quantity(row.margin, row.unit, False, row.side), "place": MISSING if row.place is None or row.actual == 0.0 else
         f"{place(row.place)}{NARROW_SPACE}mm",
     }
 
 
-def _quantity(value: float, unit: str, sign: bool) -> str:
+def _quantity(value: float, unit: str, sign: bool, side: Side) -> str:
+    if side != "size":
+        return fixed_with_unit(value, unit, VIEW_DECIMALS)
     return with_unit(value, unit, 3, sign) if unit else with_unit(value, "", 3, sign).strip()
 
 

@@ -14,6 +14,7 @@ MISSING = "—"
 NARROW_SPACE = "\u202f"
 CLOSE_UNITS = ("°", "′", "″")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+PLACE_DECIMALS = 2  # mm: the presets' deviations at the printed places are the printed ones to their three digits
 # Outside this range a number is written with a power of ten.
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e7
 
@@ -70,8 +71,9 @@ def count(value: Any) -> str:
 
 
 def place(xy: Sequence[float] | None) -> str:
-    """A place on the mirror: “x 88, y −161”, in mm."""
-    return MISSING if xy is None else f"x{NARROW_SPACE}{fixed(xy[0], 0)}, y{NARROW_SPACE}{fixed(xy[1], 0)}"
+    """A place on the mirror: “x 88.12, y −161.06”, in mm."""
+    return MISSING if xy is None else ", ".join(f"{axis}{NARROW_SPACE}{fixed(value, PLACE_DECIMALS)}"
+                                                for axis, value in zip("xy", xy, strict=True))
 
 
 def plain(value: float) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, cast
 
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mirror import Mirror
@@ -12,13 +13,20 @@ from mirror_studio.report.stages import NUMERICAL, STAGE_NAMES
 from mirror_studio.report.tables import Table
 
 Place = tuple[float, float]
+Side = Literal["size", "least", "most"]
+
+# Of [limits] and metrics.json: key, which of its figures is meant, name, unit.
+VIEW = (("h_fov_deg", "section", "horizontal field of view, section", "°"),
+        ("v_fov_left_deg", "section", "vertical field of view at the left edge, section", "°"),
+        ("lane_straightness_percent", "traced", "lane straightness, traced", "%"))
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One line of the verdict table: `actual` may be signed, its size is held against `limit`; None where nothing is asked.
+    """One line of the verdict table; limit is None where nothing is asked, actual NaN where it cannot be measured.
 
-    group : "part", "numerical" or "files".
+    group : "part", "view", "numerical" or "files".   side : whether `limit` holds for the size of `actual`, which may be
+    signed, or is the least or the most that it may be.
     """
 
     group: str
@@ -27,29 +35,55 @@ class Requirement:
     limit: float | None
     actual: float
     place: Place | None = None
+    side: Side = "size"
 
     @property
     def margin(self) -> float | None:
         """What is left of the limit; negative beyond it."""
-        return None if self.limit is None else self.limit - abs(self.actual)
+        if self.limit is None:
+            return None
+        if self.side == "least":
+            return self.actual - self.limit
+        return self.limit - (abs(self.actual) if self.side == "size" else self.actual)
 
     @property
     def met(self) -> bool | None:
-        return None if self.limit is None else abs(self.actual) <= self.limit
+        return None if self.margin is None else self.margin >= 0.0
 
 
 def requirements(mirror: Mirror, deviation: CurvatureDeviation, metrics: Mapping[str, Any]) -> list[Requirement]:
-    """Part, numerics and files, in this order. Where the design is flat, curvature is in 1/m and has no limit."""
-    return [*_of_part(mirror, deviation), *_of_numerics(mirror, deviation), *_of_files(mirror, deviation, metrics)]
+    """Part, view, numerics and files, in this order. Where the design is flat, curvature is in 1/m and has no limit."""
+    return [*_of_part(mirror, deviation), *view_requirements(mirror, metrics),
+            *_of_numerics(mirror, deviation), *_of_files(mirror, deviation, metrics)]
 
 
 def verdict_rows_table(rows: list[Requirement]) -> Table:
     """A row a requirement."""
     return Table("verdicts", {
         "group": [row.group for row in rows], "requirement": [row.name for row in rows], "unit": [row.unit for row in rows],
-        "limit": [row.limit for row in rows], "actual": [row.actual for row in rows], "margin": [row.margin for row in rows],
+        "side": [row.side for row in rows], "limit": [row.limit for row in rows],
+        "actual": [row.actual for row in rows], "margin": [row.margin for row in rows],
         "x_mm": [row.place and row.place[0] for row in rows], "y_mm": [row.place and row.place[1] for row in rows],
         "met": [row.met for row in rows]})
+
+
+def view_requirements(mirror: Mirror, metrics: Mapping[str, Any]) -> list[Requirement]:
+    """What [limits] asks of fields of view and lane: a row for each side that is not free."""
+    rows = []
+    for key, kind, name, unit in VIEW:
+        asked, actual = getattr(mirror.spec.limits, key), (metrics.get(key) or {}).get(kind)
+        for side, limit in zip(("least", "most"), asked or (), strict=False):
+            if math.isfinite(limit):
+                rows.append(Requirement("view", name, unit, limit, math.nan if actual is None else actual,
+                                        side=cast("Side", side)))
+    return rows
+
+
+def as_json(rows: list[Requirement]) -> list[dict[str, Any]]:
+    """Requirements as metrics.json has them."""
+    return [{"requirement": row.name, "unit": row.unit, "side": row.side, "limit": row.limit, "met": row.met}
+            | {key: None if value is None or math.isnan(value) else value
+               for key, value in (("actual", row.actual), ("margin", row.margin))} for row in rows]
 
 
 def _curvature(entry: Mapping[str, Any], key: str, limit_percent: float | None) -> tuple[str, float | None, float, Place]:
@@ -78,7 +112,7 @@ def _of_numerics(mirror: Mirror, deviation: CurvatureDeviation) -> list[Requirem
 
 
 def _of_files(mirror: Mirror, deviation: CurvatureDeviation, metrics: Mapping[str, Any]) -> list[Requirement]:
-    from mirror_cad.occt.solid import OFFSET_SHARE, OFFSET_TOLERANCE_MM
+    from mirror_cad.offset import OFFSET_SHARE, OFFSET_TOLERANCE_MM
     from mirror_studio.checks import SAME_MM, SAME_VOLUME
 
     files, plate, stl = metrics.get("files") or {}, metrics.get("plate") or {}, deviation.stages["stl"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
+
+from mirror_studio.web.protocol import Look
 
 Kind = Literal["number", "choice", "text", "flag"]
 
@@ -13,6 +15,7 @@ class Control:
     """An input of the page for one key of a specification.
 
     low, high : ends of the slider; a number may be entered beyond them, as far as the specification takes it.
+    least, most : what a number of a look may be; None where the specification judges.
     step : what an arrow key changes it by.   digits : shown after the point.   choices : values with their words.
     law : the laws that have this key.   optional : may be left out, with `default` to begin with when it is put in.
     part : which entry of a list.
@@ -31,6 +34,8 @@ class Control:
     optional: bool = False
     default: Any = None
     help: str = ""
+    least: float | None = None
+    most: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +164,7 @@ GROUPS = (
                 default=5.0, help="The limit band of the laws, and what the built part must meet"),
     )),
     Group("Part", (
-        Control("part.number", "Number", "text", optional=True, help="Of the drawing; the specification's name without one"),
+        Control("part.number", "Number", "text", optional=True, help="Of the drawing: “none stated” without one"),
         Control("part.revision", "Revision", "text", optional=True),
         Control("part.hand", "Hand", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
                 help="What the report says; the laws and files stay as they are"),
@@ -176,4 +181,14 @@ GROUPS = (
 
 def controls() -> list[dict[str, Any]]:
     """All groups as JSON holds them."""
-    return [asdict(group) for group in GROUPS]
+    return [asdict(replace(group, controls=tuple(_bounded(control) for control in group.controls))) for group in GROUPS]
+
+
+def _bounded(control: Control) -> Control:
+    """With the limits that a message's look has for the key; one step inside where the limit itself is refused."""
+    section, _, name = control.key.partition(".")
+    if section != "look" or control.kind != "number":
+        return control
+    limits = Look.model_json_schema()["properties"][name]
+    least = limits["minimum"] if "minimum" in limits else limits["exclusiveMinimum"] + control.step
+    return replace(control, least=least, most=limits["maximum"])

@@ -14,17 +14,20 @@ import zipfile
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from mirror_cad.errors import WriteError
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.web.protocol import Look
-from mirror_studio.web.state import FILES, as_toml
+from mirror_studio.web.state import as_toml, files_of
 from mirror_studio.web.uploads import Uploads
 
 KEPT = 4  # sets of files; the oldest go
 LONGEST_SECONDS = 600
 POLITE_SECONDS = 5
+PDF_SECONDS = 120
+INPUTS = "inputs"  # the folder of a set with the files that its specification names
 STEP = re.compile(r"\[ *[0-9.]+ s\] (.*)")
 Report = Callable[[str], Awaitable[None]]
 
@@ -36,10 +39,16 @@ KINDS = {
     "spec": ("{name}.toml", "application/toml"),
     "picture": ("driver-view.png", "image/png"),
     "report": ("report.html", "text/html"),
+    "pdf": ("report.pdf", "application/pdf"),
     "metrics": ("metrics.json", "application/json"),
     "deviation": ("deviation.json", "application/json"),
     "all": ("{name}.zip", "application/zip"),
 }
+
+
+def kinds() -> list[str]:
+    """What can be taken away here: no PDF without the package that makes it."""
+    return [kind for kind in KINDS if kind != "pdf" or find_spec("weasyprint") is not None]
 
 
 class NotMadeError(Exception):
@@ -48,12 +57,13 @@ class NotMadeError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class FileSet:
-    """A built set under a secret token, and what the pipeline says was missed."""
+    """A built set under a secret token, what the pipeline says was missed, and what the set is not of what the page shows."""
 
     token: str
     name: str
     folder: Path
     missed: tuple[str, ...]
+    notes: tuple[str, ...]
 
     def file(self, kind: str) -> tuple[Path, str, str]:
         """Path, name to save it under, and media type. Raises: KeyError for another kind."""
@@ -69,7 +79,7 @@ class Downloads:
     def __init__(self) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="mirror-cad-studio-files-"))
         self._sets: OrderedDict[str, FileSet] = OrderedDict()
-        self._one_at_a_time = asyncio.Lock()
+        self._one_at_a_time, self._one_pdf_at_a_time = asyncio.Lock(), asyncio.Lock()
 
     def close(self) -> None:
         """Remove everything."""
@@ -90,27 +100,47 @@ class Downloads:
             return self._sets[text]
         await report("waiting for another build" if self._one_at_a_time.locked() else "starting")
         async with self._one_at_a_time:
-            made = await self._make(spec, text, uploads, report)
+            made = await self._make(spec, look, uploads, report)
         self._sets[text] = made
         while len(self._sets) > KEPT:
             shutil.rmtree(self._sets.popitem(last=False)[1].folder.parent, ignore_errors=True)
         return made
 
-    async def _make(self, spec: MirrorSpec, text: str, uploads: Uploads, report: Report) -> FileSet:
+    async def pdf(self, made: FileSet) -> None:
+        """Set a built set's report as PDF, once, in a child. Raises: NotMadeError."""
+        path = made.file("pdf")[0]
+        async with self._one_pdf_at_a_time:
+            if path.exists():
+                return
+            child = await asyncio.create_subprocess_exec(
+                sys.executable, "-c", "from mirror_studio.report.pdf import main; main()", str(made.file("report")[0]),
+                str(path), stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
+                stderr=asyncio.subprocess.PIPE)
+            try:
+                _, said = await asyncio.wait_for(child.communicate(), PDF_SECONDS)
+            except TimeoutError:
+                raise NotMadeError(f"the PDF took more than {PDF_SECONDS} s to make") from None
+            finally:
+                if child.returncode is None:
+                    child.kill()
+            if child.returncode != 0:
+                raise NotMadeError(said.decode("utf-8", "replace").strip() or "no PDF can be made here")
+
+    async def _make(self, spec: MirrorSpec, look: Look, uploads: Uploads, report: Report) -> FileSet:
         home = Path(tempfile.mkdtemp(dir=self._folder))
         try:
             source, out = home / f"{spec.name}.toml", home / "files"
-            source.write_text(text, encoding="utf-8")
-            brought = [Path(value) for section, key in FILES if uploads.has(Path(value := str(getattr(
-                getattr(spec, section), key))).name)]
-            for path in brought:
-                shutil.copy(uploads.folder / path.name, home / path.name)
+            names = {name: f"{INPUTS}/{uploads.shown(name)}" for name in files_of(spec, uploads)}
+            source.write_text(as_toml(spec, look, names), encoding="utf-8")
+            (home / INPUTS).mkdir()
+            for name, path in names.items():
+                shutil.copy(uploads.folder / name, home / path)
             missed = await self._run(source, out, report)
-            await asyncio.to_thread(_pack, out, source, [home / path.name for path in brought], spec.name)
+            await asyncio.to_thread(_pack, out, source, [home / path for path in names.values()], spec.name)
         except BaseException:
             shutil.rmtree(home, ignore_errors=True)
             raise
-        return FileSet(secrets.token_urlsafe(24), spec.name, out, missed)
+        return FileSet(secrets.token_urlsafe(24), spec.name, out, missed, unlike_the_page(spec, look))
 
     @staticmethod
     async def _run(source: Path, out: Path, report: Report) -> tuple[str, ...]:
@@ -140,14 +170,29 @@ class Downloads:
                 except TimeoutError:
                     child.kill()
         if code not in (0, 3):
-            raise NotMadeError("\n".join(text.replace(str(source.parent), "") for text in said) or f"ended with {code}")
+            raise NotMadeError("\n".join(text.replace(f"{source.parent}/", "") for text in said) or f"ended with {code}")
         return tuple(text.removeprefix("missed: ") for text in said if text.startswith("missed: "))
+
+
+def unlike_the_page(spec: MirrorSpec, look: Look) -> tuple[str, ...]:
+    """In what the files are not of the mirror that the page shows, in words: they are made of the specification alone."""
+    notes = []
+    turned = [f"{name} of {angle:g}°".replace("-", "−") for name, angle in (("yaw", look.yaw_deg), ("pitch", look.pitch_deg))
+              if angle != 0.0]
+    if turned and look.view == "picture":
+        notes.append(f"report, figures and driver-view.png are of the mirror without its {' and '.join(turned)}")
+    # An eye at the left edge is that of a mirror whose laws were written for the right-hand side.
+    if (look.view == "road" and look.hand == "right") or (spec.part.hand == "right" and spec.eye.aligned != "left"):
+        notes.append("the STEP is the left-hand mirror; the right-hand one is its reflection in x = 0")
+    return tuple(notes)
 
 
 def _pack(out: Path, source: Path, brought: list[Path], name: str) -> None:
     """Put the specification and what it names beside the files, and all of them into one archive."""
-    for path in (source, *brought):
-        shutil.copy(path, out / path.name)
+    shutil.copy(source, out / source.name)
+    for path in brought:
+        (out / INPUTS).mkdir(exist_ok=True)
+        shutil.copy(path, out / INPUTS / path.name)
     with zipfile.ZipFile(out.parent / f"{name}.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(out.rglob("*")):
             if path.is_file():

@@ -45,6 +45,7 @@ EYES_APART_MM = 65.0  # the ocular points of UN Regulation 46
 QUICK_SAMPLES, FINE_SAMPLES = 1, 4  # a direction, in the pixels that need more than one
 QUICK_ROOM = (640, 480)  # pixels for all pictures while a slider moves; fine ones fill what the page has
 QUICK_QUALITY, FINE_QUALITY = 80, 92  # of the JPEG
+LAYOUTS = {1: ((1, 1),), 2: ((2, 1), (1, 2)), 4: ((4, 1), (2, 2))}  # columns and rows that so many pictures may stand in
 CACHED = 6  # designs kept: undo, redo and the pinned one come at once
 
 
@@ -123,7 +124,7 @@ def designed(spec: MirrorSpec) -> Designed:
     loops, trimming = _trimming(mirror.outline)
     front = None
     if spec.glass.reflecting == "back":
-        front = Glass(TrimmedSurface(mirror.plate.front, loops), spec.glass.index)
+        front = Glass(TrimmedSurface(mirror.front, loops), spec.glass.index)
     surface = TrimmedSurface(mirror.surface, loops)
     surface.__dict__["trimming"] = trimming  # the one that it would make of the same loops
     return Designed(mirror, setting, picture, Reflector((surface,), glass=front))
@@ -177,11 +178,10 @@ def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None
     seen = [(one.reflector, turn, one.mirror.box)]
     if own is not None:
         seen.append((own, *_own_turn(one, turn, own)))
-    count = len(eyes) * len(seen)
     width, height = (look.width, look.height) if fine else map(min, (look.width, look.height), QUICK_ROOM)
-    pictures, frames = {}, {}
-    for name, (reflector, each, box) in zip(("picture", "own"), seen, strict=False):
-        frame = frames[name] = fitted(box, width // count, height)
+    layout, framed = laid_out([box for _, _, box in seen], len(eyes), width, height)
+    pictures, frames = {}, dict(zip(("picture", "own"), framed, strict=False))
+    for (name, frame), (reflector, each, _) in zip(frames.items(), seen, strict=True):
         for number, eye in enumerate(eyes):
             view, _ = driver_view(reflector, each.to_mirror(eye), each.seen_by(scene), frame, progress, samples)
             pictures[f"{name}{number}"] = jpeg(view, quality)
@@ -190,7 +190,8 @@ def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None
         "figures": figures, "plane_z_mm": one.setting.plane_z_mm,
         "eyes_mm": [turn.to_mirror(eye).tolist() for eye in eyes],
         "frames": {name: [frame.left, frame.top, frame.pixel, frame.columns, frame.rows] for name, frame in frames.items()},
-        "scene_mm": list(scene.bounds()),
+        "scene_mm": list(scene.bounds()), "layout": layout,
+        "sizes_mm": {name: size_of(box) for name, (_, _, box) in zip(frames, seen, strict=True)},
         "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)},
     }
     return Shown(header, pictures, arrays)
@@ -217,6 +218,20 @@ def fitted(box: Box, width: int, height: int) -> Frame:
     """The largest frame about a box that fits into so many pixels."""
     whole = Frame.around(box, 1000)
     return Frame.around(box, max(16, int(min(width, height * whole.columns / whole.rows))))
+
+
+def laid_out(boxes: list[Box], eyes: int, width: int, height: int) -> tuple[tuple[int, int], list[Frame]]:
+    """Columns and rows of the pictures that are largest in so many pixels, and a frame about each box, all of one scale."""
+    def pixel(columns: int, rows: int) -> float:
+        return max(fitted(box, width // columns, height // rows).pixel for box in boxes)
+
+    layout = min(LAYOUTS[eyes * len(boxes)], key=lambda one: pixel(*one))
+    return layout, [Frame.around(box, max(16, round(Frame.around(box, 1).pixel / pixel(*layout)))) for box in boxes]
+
+
+def size_of(box: Box) -> list[float]:
+    """Width and height."""
+    return [box[1] - box[0], box[3] - box[2]]
 
 
 def jpeg(picture: Picture, quality: int) -> bytes:

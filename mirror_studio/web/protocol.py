@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import struct
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from mirror_cad.spec_messages import sentence
 
 MAGIC = b"MCS1"
 LARGEST_MESSAGE = 2_000_000  # bytes: a specification with tables of some 50,000 rows
@@ -99,12 +102,24 @@ class Cancel(_Message):
     type: Literal["cancel"]
 
 
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A request of the right shape whose look cannot be: which one, and what is wrong, in words."""
+
+    type: Literal["design", "pinned", "build"]
+    id: int
+    faults: tuple[str, ...]
+
+
 AnyMessage = Design | Pinned | Probe | Build | Cancel
 _adapter: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
 
-def read_message(text: str) -> AnyMessage:
-    """A page's message. Raises: WrongShapeError for any other text."""
+def read_message(text: str) -> AnyMessage | Refused:
+    """A page's message; a request whose look has a key or value that it may not have is Refused.
+
+    Raises: WrongShapeError for any other text.
+    """
     if len(text) > LARGEST_MESSAGE:
         raise WrongShapeError(f"a message of {len(text)} characters; {LARGEST_MESSAGE} are read")
     try:
@@ -114,9 +129,17 @@ def read_message(text: str) -> AnyMessage:
         return _adapter.validate_python(raw)
     except (ValueError, RecursionError) as error:
         if isinstance(error, ValidationError):
-            first = error.errors(include_url=False)[0]
+            details = error.errors(include_url=False)
+            if all(len(detail["loc"]) > 2 and detail["loc"][1] == "look" for detail in details):
+                return Refused(raw["type"], raw["id"], look_faults(details, raw["look"]))
+            first = details[0]
             raise WrongShapeError(f"{'.'.join(str(key) for key in first['loc'])}: {first['msg']}"[:100]) from None
         raise WrongShapeError("not a message in JSON") from None
+
+
+def look_faults(details: list[Any], look: dict[str, Any]) -> tuple[str, ...]:
+    """A look's validation errors as sentences: `look.yaw_deg = 60: must be at least -45 and at most 45`."""
+    return tuple(sentence(detail | {"loc": ("look", detail["loc"][-1])}, {"look": look}, Build) for detail in details)
 
 
 def _no_constant(name: str) -> Any:

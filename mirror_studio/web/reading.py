@@ -7,9 +7,13 @@ import pickle
 import resource
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mirror_cad.errors import FileError, MirrorError
 from mirror_studio.web.uploads import READING_SECONDS
+
+if TYPE_CHECKING:
+    from raytrace.reflector import Reflector
 
 MOST_MEMORY = 6_000_000_000  # bytes of address space: the kernel alone maps two
 MOST_PIXELS = 40_000_000
@@ -43,9 +47,22 @@ def read(kind: str, path: Path) -> None:
         if reflector.mesh is not None and len(reflector.mesh.faces) > MOST_FACES:
             raise FileError(f"{len(reflector.mesh.faces)} triangles are too many (the studio takes {MOST_FACES // 10**6} "
                             "million): write the mesh coarser")
+        _check_size(reflector)
         for spline in reflector.splines:
             _ = spline.trimming
         path.with_name(f"{path.name}.read").write_bytes(pickle.dumps(reflector))
+
+
+def _check_size(reflector: Reflector) -> None:
+    from mirror_studio.drive.mirrors import LARGEST_MM, SMALLEST_MM
+    from raytrace.view import box_of
+
+    x_min, x_max, y_min, y_max = box_of(reflector)
+    size = max(x_max - x_min, y_max - y_min)
+    if not SMALLEST_MM <= size <= LARGEST_MM:
+        across = f"{1e-3 * size:.4g} m" if size > LARGEST_MM else f"{size:.3g} mm"
+        raise FileError(f"your mirror is {across} wide: check its units (a mirror has {SMALLEST_MM:g} mm to "
+                        f"{1e-3 * LARGEST_MM:g} m, and a mesh is read in mm)")
 
 
 def main() -> None:
@@ -54,14 +71,15 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (READING_SECONDS, READING_SECONDS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     faults: list[str] = []
+    path = Path(sys.argv[2])
     try:
-        read(sys.argv[1], Path(sys.argv[2]))
+        read(sys.argv[1], path)
     except MirrorError as error:
         faults = str(error).splitlines()
     except MemoryError:
-        faults = ["the file needs too much memory"]
+        faults = [f"{path.name} needs too much memory"]
     except RecursionError:
-        faults = ["the file is nested too deeply"]
+        faults = [f"{path.name} is nested too deeply"]
     print(json.dumps({"faults": faults}))
 
 

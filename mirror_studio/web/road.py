@@ -17,7 +17,17 @@ from mirror_cad.spec import MirrorSpec
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, World, camera_at, cones_of, eye_picture
 from mirror_studio.drive.world import HOUSING, MM, housing_body
-from mirror_studio.web.engine import FINE_QUALITY, QUICK_QUALITY, Designed, Shown, described, designed, jpeg
+from mirror_studio.web.engine import (
+    FINE_QUALITY,
+    LAYOUTS,
+    QUICK_QUALITY,
+    Designed,
+    Shown,
+    described,
+    designed,
+    jpeg,
+    size_of,
+)
 from mirror_studio.web.motorway import Stand, driven, driven_own, ground, surroundings, world
 from mirror_studio.web.protocol import Look
 from mirror_studio.web.turned import Turn
@@ -98,11 +108,12 @@ def show(spec: MirrorSpec, look: Look, fine: bool, own: Reflector | None, report
             early(Shown({"road": road}, {}, found.outlines))
     middle = time.perf_counter()
     views = [(name, number, each, view) for name, each in seen.items() for number, view in enumerate(views_of(each, look))]
-    width, height = room(look, len(views))
+    layout, sizes = laid_out(list(seen.values()), look)
     if not fine:
-        width, height = drafted(width, height, len(views))
+        sizes = drafted(sizes, len(views) // len(seen))
     pictures, cameras = {}, {}
     for k, (name, number, each, view) in enumerate(views):
+        width, height = sizes[list(seen).index(name)]
         if fine:
             picture, _ = eye_picture(each, view, made, past(each, made, True), width, height,
                                      lambda share, k=k: report(FINE, (k + share) / len(views)))  # type: ignore[misc]
@@ -113,7 +124,8 @@ def show(spec: MirrorSpec, look: Look, fine: bool, own: Reflector | None, report
         pictures[f"{name}{number}"] = jpeg(picture, FINE_QUALITY if fine else QUICK_QUALITY)
     end = time.perf_counter()
     header = described(one, fine) | {
-        "figures": figures, "plane_z_mm": one.setting.plane_z_mm, "road": road, "cameras": cameras,
+        "figures": figures, "plane_z_mm": one.setting.plane_z_mm, "road": road, "cameras": cameras, "layout": layout,
+        "sizes_mm": {name: size_of(each.views.middle.box) for name, each in seen.items()},
         "eyes_mm": [view.eye_in_mirror.tolist() for view in views_of(mirror, look)],
         "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)}}
     return Shown(header, pictures, arrays)
@@ -124,18 +136,31 @@ def views_of(mirror: DrivenMirror, look: Look) -> list[View]:
     return [mirror.views.middle] if look.eyes == "one" else [mirror.views.left, mirror.views.right]
 
 
-def room(look: Look, count: int) -> tuple[int, int]:
-    """Columns and rows of each of so many pictures side by side: no wider than those of `mirror-cad drive`."""
-    columns = max(16, look.width // count)
-    rows = min(look.height, round(TALLEST * columns))
-    return min(columns, max(16, rows * EYE_WIDTH_PX // EYE_HEIGHT_PX)), rows
+def laid_out(mirrors: list[DrivenMirror], look: Look) -> tuple[tuple[int, int], list[tuple[int, int]]]:
+    """Columns and rows of the pictures that are largest in the look's room, and the size of each mirror's: at one scale."""
+    count = len(mirrors) * (1 if look.eyes == "one" else 2)
+    choices = []
+    for layout in LAYOUTS[count]:
+        width, height = room(look, *layout)
+        pixels = [camera_at(mirror, mirror.views.middle, width, height)[1] for mirror in mirrors]
+        shares = [pixel / max(pixels) for pixel in pixels]
+        choices.append((max(pixels), layout, [(max(16, round(s * width)), max(16, round(s * height))) for s in shares]))
+    return min(choices)[1:]
 
 
-def drafted(width: int, height: int, count: int) -> tuple[int, int]:
-    """The size, of the same shape, that drafts can have."""
-    pixels = max(DRAFT_MS * _pace.per_ms / count, LEAST_DRAFT_PX)
-    scale = min(1.0, math.sqrt(pixels / (width * height)))
-    return max(16, round(scale * width)), max(16, round(scale * height))
+def room(look: Look, columns: int, rows: int) -> tuple[int, int]:
+    """Width and height of a picture among so many beside and above each other: no wider than those of `mirror-cad drive`."""
+    width = max(16, look.width // columns)
+    height = max(16, min(look.height // rows, round(TALLEST * width)))
+    return min(width, max(16, height * EYE_WIDTH_PX // EYE_HEIGHT_PX)), height
+
+
+def drafted(sizes: list[tuple[int, int]], eyes: int) -> list[tuple[int, int]]:
+    """The sizes, of the same shapes, that drafts can have."""
+    count = eyes * len(sizes)
+    pixels = max(DRAFT_MS * _pace.per_ms, LEAST_DRAFT_PX * count)
+    scale = min(1.0, math.sqrt(pixels / (eyes * sum(width * height for width, height in sizes))))
+    return [(max(16, round(scale * width)), max(16, round(scale * height))) for width, height in sizes]
 
 
 def draft(mirror: DrivenMirror, view: View, made: World, width: int, height: int) -> Picture:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
 import errno
+import io
 import json
 import os
 import socket
 import sys
 import threading
 import webbrowser
+import zipfile
 from collections.abc import AsyncIterator
 from importlib import metadata, resources
 from typing import Any
@@ -22,12 +25,13 @@ from pydantic import ValidationError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from mirror_cad.errors import FileError, SpecError
+from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_laws import TableLaw
 from mirror_studio.web import state
 from mirror_studio.web.controls import controls
-from mirror_studio.web.downloads import KINDS, Downloads
-from mirror_studio.web.protocol import LARGEST_MESSAGE, Look
-from mirror_studio.web.session import Session, Shared, faults_of
+from mirror_studio.web.downloads import KINDS, Downloads, NotMadeError, kinds
+from mirror_studio.web.protocol import LARGEST_MESSAGE, Look, look_faults
+from mirror_studio.web.session import Session, Shared
 from mirror_studio.web.uploads import LIMITS, Uploads, check, in_folder
 
 HOST = "127.0.0.1"
@@ -91,7 +95,7 @@ def create_app(port: int) -> ASGIApp:
     """The studio as an application that answers on this port of the local host alone."""
     static = _static()
     start = json.dumps({"presets": state.presets(), "look": state.as_look(Look()), "opens_on": state.OPENS_ON,
-                        "controls": controls(), "kinds": list(KINDS), "version": metadata.version("mirror-cad"),
+                        "controls": controls(), "kinds": kinds(), "version": metadata.version("mirror-cad"),
                         "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
                                     for kind, limit in LIMITS.items()}})
     open_ = 0
@@ -139,12 +143,16 @@ def create_app(port: int) -> ASGIApp:
             open_ -= 1
 
     @app.post("/upload/{kind}")
-    async def upload(kind: str, request: Request, ending: str = "") -> Response:
-        return await _answered(_upload(shared(), kind, ending.lower(), request))
+    async def upload(kind: str, request: Request, ending: str = "", name: str = "") -> Response:
+        return await _answered(shared(), _upload(shared(), kind, ending.lower(), name, request))
+
+    @app.post("/picture")
+    async def picture(request: Request) -> Response:
+        return await _answered(shared(), _picture(shared(), request))
 
     @app.post("/toml")
     async def toml(request: Request) -> Response:
-        return await _answered(_toml(shared(), request))
+        return await _answered(shared(), _toml(shared(), request))
 
     @app.api_route("/files/{token}/{kind}", methods=["GET", "HEAD"])
     async def files(token: str, kind: str) -> Response:
@@ -152,6 +160,11 @@ def create_app(port: int) -> ASGIApp:
         if made is None or kind not in KINDS:
             return PlainTextResponse("these files are no longer here: make them again", 404)
         path, name, media = made.file(kind)
+        if kind == "pdf":
+            try:
+                await shared().downloads.pdf(made)
+            except NotMadeError as error:
+                return PlainTextResponse(str(error), 404)
         return FileResponse(path, media_type=media, filename=name)
 
     return Guarded(app, port)
@@ -171,14 +184,15 @@ def _static() -> dict[str, bytes]:
     return {entry.name: entry.read_bytes() for entry in folder.iterdir() if f".{entry.name.rsplit('.', 1)[-1]}" in MEDIA}
 
 
-async def _answered(work: Any) -> Response:
+async def _answered(shared: Shared, work: Any) -> Response:
     try:
-        return JSONResponse(await work)
+        made = await work
+        return made if isinstance(made, Response) else JSONResponse(made)
     except Exception as error:
-        return JSONResponse({"faults": faults_of(error)}, 400)
+        return JSONResponse({"faults": shared.faults_of(error)}, 400)
 
 
-async def _upload(shared: Shared, kind: str, ending: str, request: Request) -> dict[str, Any]:
+async def _upload(shared: Shared, kind: str, ending: str, name: str, request: Request) -> dict[str, Any]:
     if kind not in LIMITS:
         raise FileError(f"files of the kind {kind[:20]!r} are not taken; {', '.join(LIMITS)} are")
     check(kind, ending, int(request.headers.get("content-length") or 0))
@@ -189,7 +203,7 @@ async def _upload(shared: Shared, kind: str, ending: str, request: Request) -> d
         return {"spec": spec, "look": look}
     if kind == "table":
         return await asyncio.to_thread(in_folder, shared.uploads, ending, data, _table)
-    return {"name": await asyncio.to_thread(shared.uploads.add, kind, ending, data)}
+    return {"name": await asyncio.to_thread(shared.uploads.add, kind, ending, data, name)}
 
 
 def _table(path: Any) -> dict[str, Any]:
@@ -202,16 +216,43 @@ def _table(path: Any) -> dict[str, Any]:
 
 
 async def _toml(shared: Shared, request: Request) -> dict[str, Any]:
+    """The specification as text, or, where it names files, as a ZIP with them beside it, in base64."""
+    checked, look = await _asked(shared, request)
+    names = {name: shared.uploads.shown(name) for name in state.files_of(checked, shared.uploads)}
+    text = state.as_toml(checked, look, names)
+    if not names:
+        return {"name": f"{checked.name}.toml", "text": text}
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(f"{checked.name}.toml", text)
+        for name, shown in names.items():
+            archive.write(shared.uploads.folder / name, shown)
+    return {"name": f"{checked.name}.zip", "zip": base64.b64encode(stream.getvalue()).decode("ascii")}
+
+
+async def _picture(shared: Shared, request: Request) -> Response:
+    """The picture on the plane as the page shows it, finely."""
+    from mirror_studio.web.pictures import driver_picture
+
+    checked, look = await _asked(shared, request)
+    own = None if look.own is None else shared.uploads.reflector(look.own)
+    made = await asyncio.get_running_loop().run_in_executor(shared.slow, driver_picture, checked, look, own)
+    return Response(made, media_type="image/png")
+
+
+async def _asked(shared: Shared, request: Request) -> tuple[MirrorSpec, Look]:
+    """The specification and the look that a request of the page holds. Raises: SpecError."""
     try:
         asked = json.loads(await _body(request, LARGEST_MESSAGE))
-        look = Look.model_validate(asked["look"])
-        spec = asked["spec"]
-        if not isinstance(spec, dict):
+        spec, wanted = asked["spec"], asked["look"]
+        if not isinstance(spec, dict) or not isinstance(wanted, dict):
             raise TypeError
-    except (ValueError, TypeError, KeyError, RecursionError, ValidationError):
+        look = Look.model_validate(wanted)
+    except ValidationError as error:
+        raise SpecError(list(look_faults(error.errors(include_url=False), wanted))) from None
+    except (ValueError, TypeError, KeyError, RecursionError):
         raise SpecError("not a request of the studio's page") from None
-    checked = state.as_spec(spec, shared.uploads)
-    return {"name": f"{checked.name}.toml", "text": state.as_toml(checked, look)}
+    return state.as_spec(spec, shared.uploads), look
 
 
 async def _body(request: Request, largest: int) -> bytes:

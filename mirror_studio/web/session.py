@@ -25,6 +25,7 @@ from mirror_studio.web.protocol import (
     Look,
     Pinned,
     Probe,
+    Refused,
     StoppedError,
     WrongShapeError,
     pack,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 SEND_SECONDS = 30.0  # a page that has not read for so long is gone
+OWN_IS_GONE = "your own mirror is no longer here: bring it in again to see it beside the design"
 WRONG_SHAPE, GONE = 1008, 1011  # WebSocket close codes: policy violation, internal error
 
 
@@ -52,6 +54,10 @@ class Shared:
     downloads: Downloads
     quick: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(4, "studio-quick"))
     slow: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "studio-slow"))
+
+    def faults_of(self, error: Exception) -> list[str]:
+        """As `faults_of`, with files named as their owners did."""
+        return [self.uploads.in_words(text) for text in faults_of(error)]
 
     def close(self) -> None:
         """Remove all files; threads end by themselves."""
@@ -67,7 +73,7 @@ class Session:
     def __init__(self, socket: WebSocket, shared: Shared) -> None:
         self._socket, self._shared = socket, shared
         self._sending = asyncio.Lock()
-        self._waiting: Design | None = None
+        self._waiting: Design | Refused | None = None
         self._dropped: list[int] = []
         self._something = asyncio.Event()
         self._stop_fine = threading.Event()
@@ -81,12 +87,15 @@ class Session:
         try:
             while True:
                 message = read_message(await self._socket.receive_text())
-                if isinstance(message, Design):
+                if isinstance(message, Design) or (isinstance(message, Refused) and message.type == "design"):
                     if self._waiting is not None:
                         self._dropped.append(self._waiting.id)
                     self._waiting = message
                     self._stop_fine.set()
                     self._something.set()
+                elif isinstance(message, Refused):  # what is being made or pinned goes on
+                    await self._say({"type": {"build": "unbuilt", "pinned": "unpinned"}[message.type], "id": message.id,
+                                     "faults": list(message.faults)})
                 elif isinstance(message, Probe):
                     await self._probe(message)
                 elif isinstance(message, Pinned):
@@ -101,7 +110,8 @@ class Session:
                     break
         except WrongShapeError as error:
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-                await self._socket.close(WRONG_SHAPE, str(error)[:120])
+                # As ASCII: a reason may have 123 bytes, and a text of the page's can hold what UTF-8 cannot.
+                await self._socket.close(WRONG_SHAPE, str(error).encode("ascii", "replace").decode("ascii")[:120])
         except (WebSocketDisconnect, RuntimeError, KeyError):  # gone, or it sent bytes where text is due
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                 await self._socket.close(WRONG_SHAPE)
@@ -127,10 +137,13 @@ class Session:
             with contextlib.suppress(Exception):
                 await self._socket.close(GONE)
 
-    async def _design(self, message: Design) -> None:
+    async def _design(self, message: Design | Refused) -> None:
         dropped, self._dropped = self._dropped, []
         self._stop_fine.clear()
         common = {"id": message.id, "dropped": dropped}
+        if isinstance(message, Refused):
+            await self._say(common | {"type": "error", "faults": list(message.faults)})
+            return
         try:
             pool = self._shared.slow if message.fine else self._shared.quick
             loop = asyncio.get_running_loop()
@@ -143,7 +156,7 @@ class Session:
         except StoppedError:
             await self._say(common | {"type": "stopped"})
         except Exception as error:
-            await self._say(common | {"type": "error", "faults": faults_of(error)})
+            await self._say(common | {"type": "error", "faults": self._shared.faults_of(error)})
         else:
             await self._send(packed)
 
@@ -159,12 +172,18 @@ class Session:
     def _seen(self, spec: MirrorSpec, look: Look, fine: bool, reports: Reports) -> Shown:
         from mirror_studio.web import engine
 
-        own = self._shared.uploads.reflector(look.own) if look.own is not None else None
+        own = None
+        if look.own is not None and self._shared.uploads.has(look.own):
+            own = self._shared.uploads.reflector(look.own)
         if look.view == "picture":
-            return engine.show(spec, look, fine, own, reports.stop)
-        from mirror_studio.web import road  # with the motorway, which is not read before it is asked for
+            shown = engine.show(spec, look, fine, own, reports.stop)
+        else:
+            from mirror_studio.web import road  # with the motorway, which is not read before it is asked for
 
-        return road.show(spec, look, fine, own, reports.report, reports.early)
+            shown = road.show(spec, look, fine, own, reports.report, reports.early)
+        if look.own is not None and own is None:
+            shown.header["notes"] = [*shown.header["notes"], OWN_IS_GONE]
+        return shown
 
     async def _pinned(self, message: Pinned) -> None:
         common = {"id": message.id}
@@ -179,7 +198,7 @@ class Session:
             return  # the page is gone
         except Exception as error:
             with contextlib.suppress(Exception):
-                await self._say(common | {"type": "unpinned", "faults": faults_of(error)})
+                await self._say(common | {"type": "unpinned", "faults": self._shared.faults_of(error)})
 
     def _stopped(self, share: float) -> None:
         if self._stop_fine.is_set():
@@ -215,7 +234,8 @@ class Session:
         try:
             spec = as_spec(message.spec, self._shared.uploads)
             made = await self._shared.downloads.build(spec, message.look, self._shared.uploads, report)
-            await self._say(common | {"type": "built", "token": made.token, "missed": list(made.missed)})
+            await self._say(common | {"type": "built", "token": made.token, "missed": list(made.missed),
+                                      "notes": list(made.notes)})
         except asyncio.CancelledError:
             with contextlib.suppress(Exception):
                 await self._say(common | {"type": "unbuilt", "faults": []})
@@ -224,7 +244,7 @@ class Session:
             return  # the page is gone
         except Exception as error:
             with contextlib.suppress(Exception):
-                await self._say(common | {"type": "unbuilt", "faults": faults_of(error)})
+                await self._say(common | {"type": "unbuilt", "faults": self._shared.faults_of(error)})
 
     async def _stop_building(self) -> None:
         task, self._building = self._building, None

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec, preset_names, spec_as_json, validate_spec
 from mirror_studio.web.protocol import Look
-from mirror_studio.web.uploads import Uploads
+from mirror_studio.web.uploads import NAME, Uploads
 
 OPENS_ON = "progressive-c"
 LOOK_LINE = "# studio: "  # before what a specification has no key for, as JSON, in a TOML file's first line
@@ -29,11 +31,15 @@ def presets() -> dict[str, dict[str, Any]]:
 
 
 def as_state(spec: MirrorSpec) -> dict[str, Any]:
-    """A specification with all of its keys, without what is left out; an infinite radius is the text "inf", a file its name."""
+    """A specification with all of its keys, without what is left out; an infinite radius is the text "inf", a side of a limit
+    that is free is None, a file its name."""
     state = spec_as_json(spec)
     for section, key in FILES:
         if key in state[section] and state[section][key] != BUILT_IN_PICTURE:
             state[section][key] = Path(state[section][key]).name
+    for key, value in state["limits"].items():
+        if isinstance(value, list):  # JSON has no infinite number
+            state["limits"][key] = [end if isinstance(end, float) else None for end in value]
     if "file" in state["outline"]:
         state["outline"] = {"file": state["outline"]["file"]}
     return state
@@ -55,9 +61,17 @@ def as_spec(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
                                 "the table in with \"Table from CSV\"")
             for key, value in section.items():
                 section[key] = _numbers(value)
+    limits = raw.get("limits")
+    if isinstance(limits, dict):
+        for key, value in limits.items():
+            if isinstance(value, list) and len(value) == 2:
+                limits[key] = [free if end is None else end for end, free in zip(value, (-math.inf, math.inf), strict=True)]
     for where, key in FILES:
         section = raw.get(where)
         name = section.get(key) if isinstance(section, dict) else None
+        if isinstance(name, str) and NAME.fullmatch(name) and not uploads.has(name):
+            raise SpecError(f"{where}.{key}: its file is no longer here, and the studio reads no files by their names: bring "
+                            "it in again with its button")
         if name is not None and name != BUILT_IN_PICTURE and not uploads.has(name):
             raise SpecError(f"{where}.{key} = {str(name)[:60]!r}: the studio reads no files by their names: bring this one in "
                             "with its button")
@@ -83,13 +97,23 @@ def read_toml(text: str, uploads: Uploads) -> tuple[dict[str, Any], dict[str, An
     return as_state(as_spec(raw, uploads)), look
 
 
-def as_toml(spec: MirrorSpec, look: Look | None = None) -> str:
-    """A specification as TOML, without the keys that have their defaults; files by their names alone."""
+def files_of(spec: MirrorSpec, uploads: Uploads) -> list[str]:
+    """The names of the uploaded files that a specification uses."""
+    names = (Path(str(getattr(getattr(spec, section), key))).name for section, key in FILES)
+    return [name for name in names if uploads.has(name)]
+
+
+def as_toml(spec: MirrorSpec, look: Look | None = None, files: Mapping[str, str] | None = None) -> str:
+    """A specification as TOML, without the keys that have their defaults; files by their names alone.
+
+    files : what to call uploaded ones.
+    """
     content = spec.model_dump(mode="python", exclude_defaults=True, exclude_none=True, warnings=False)
     content = {"name": spec.name} | content
     for section, key in FILES:
         if key in content.get(section, {}) and content[section][key] != BUILT_IN_PICTURE:
-            content[section][key] = Path(content[section][key]).name
+            name = Path(content[section][key]).name
+            content[section][key] = (files or {}).get(name, name)
     lines = [] if look is None else [LOOK_LINE + look.model_dump_json(exclude=OF_THE_PAGE, exclude_defaults=True)]
     _write(lines, (), content)
     return "\n".join(lines) + "\n"

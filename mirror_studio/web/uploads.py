@@ -41,6 +41,7 @@ LIMITS: dict[Kind, Limit] = {
     "spec": Limit((".toml",), 1_000_000),
 }
 NAME = re.compile(r"[0-9a-f]{24}\.[a-z]{3,4}")
+LONGEST_NAME = 64  # characters of a file's name, without its ending
 MOST_FILES = 40  # kept; the oldest go
 READING_SECONDS = 60  # of a child's time, and of the clock
 
@@ -51,6 +52,7 @@ class Uploads:
     def __init__(self) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="mirror-cad-studio-"))
         self._names: list[str] = []
+        self._shown: dict[str, str] = {}
         self._lock = threading.Lock()
 
     def close(self) -> None:
@@ -61,8 +63,18 @@ class Uploads:
         """Whether this is the name of a file here; of anything else it is not, whatever it is."""
         return isinstance(name, str) and NAME.fullmatch(name) is not None and name in self._names
 
-    def add(self, kind: Kind, ending: str, data: bytes) -> str:
+    def shown(self, name: str) -> str:
+        """What the owner of a file called it, cleaned; the name itself where that is not known."""
+        return self._shown.get(name, name)
+
+    def in_words(self, text: str) -> str:
+        """A message without this folder, and with the files' names as their owners gave them."""
+        return NAME.sub(lambda found: self.shown(found[0]), text.replace(f"{self.folder}/", ""))
+
+    def add(self, kind: Kind, ending: str, data: bytes, shown: str = "") -> str:
         """Store a file that has been looked at by a child process; returns its name.
+
+        shown : what its owner calls it.
 
         Raises: FileError, SpecError or another MirrorError for one of another kind, too large, or that cannot be read.
         """
@@ -70,17 +82,21 @@ class Uploads:
         name = hashlib.sha256(data).hexdigest()[:24] + ending
         path = self.folder / name
         with self._lock:
+            if shown:
+                self._shown[name] = cleaned(shown, ending, name)
             if name in self._names:
                 return name
             path.write_bytes(data)
         try:
-            self._look_at(kind, path)
+            self._look_at(kind, path, self.shown(name) if shown else "the file")
         except BaseException:
             path.unlink(missing_ok=True)
+            self._shown.pop(name, None)
             raise
         with self._lock:
             self._names.append(name)
             for old in self._names[:-MOST_FILES]:
+                self._shown.pop(old, None)
                 for left in self.folder.glob(f"{old}*"):
                     left.unlink(missing_ok=True)
             del self._names[:-MOST_FILES]
@@ -89,22 +105,22 @@ class Uploads:
     def reflector(self, name: str) -> Reflector:
         """An uploaded reflector. Raises: SpecError where there is none of that name."""
         if not self.has(name):
-            raise SpecError(f"no mirror {name[:60]!r} has been brought in: bring it in again")
+            raise SpecError("your own mirror is no longer here: bring it in again")
         return _unpickled(self.folder / f"{name}.read")
 
-    def _look_at(self, kind: Kind, path: Path) -> None:
+    def _look_at(self, kind: Kind, path: Path, shown: str) -> None:
         """Read the file once in a child with limits on its time and memory: a hostile file ends the child alone."""
         command = [sys.executable, "-m", "mirror_studio.web.reading", kind, str(path)]
         try:
             done = subprocess.run(command, capture_output=True, timeout=READING_SECONDS, check=False, stdin=subprocess.DEVNULL)
         except subprocess.TimeoutExpired:
-            raise FileError(f"the file takes more than {READING_SECONDS} s to read: simplify it") from None
+            raise FileError(f"{shown} takes more than {READING_SECONDS} s to read: simplify it") from None
         try:
             faults = json.loads(done.stdout.splitlines()[-1])["faults"]
         except (IndexError, ValueError, KeyError, TypeError):
-            raise FileError("the file cannot be read: its reader ran out of time or memory, or broke down on it") from None
+            raise FileError(f"{shown} cannot be read: its reader ran out of time or memory, or broke down on it") from None
         if faults:
-            raise SpecError([text.replace(f"{path.parent}/", "").replace(path.name, "the file") for text in faults])
+            raise SpecError([text.replace(f"{path.parent}/", "").replace(path.name, shown) for text in faults])
 
 
 @lru_cache(maxsize=4)
@@ -112,6 +128,14 @@ def _unpickled(path: Path) -> Reflector:
     # Written by our own child into our own folder.
     reflector: Reflector = pickle.loads(path.read_bytes())
     return reflector
+
+
+def cleaned(shown: str, ending: str, instead: str) -> str:
+    """A file's name without folders and with letters, digits, '.', '_' and '-' alone; `instead` where nothing is left."""
+    stem = re.sub(r"[^A-Za-z0-9._-]+", "_", re.split(r"[/\\]", shown)[-1])
+    stem = stem[:-len(ending)] if stem.lower().endswith(ending) else stem
+    stem = stem[:LONGEST_NAME].strip("._-")
+    return stem + ending if stem else instead
 
 
 def check(kind: Kind, ending: str, size: int) -> None:

@@ -2,6 +2,8 @@
 
 import { el } from "./dom.js";
 import { bringIn, choose, save } from "./files.js";
+import { Limits } from "./limits.js";
+import { FLAT, MOST_ROWS } from "./numbers.js";
 import { aimInWords } from "./road.js";
 import { get, put } from "./state.js";
 import { post } from "./wire.js";
@@ -9,14 +11,23 @@ import { post } from "./wire.js";
 const LOOK = /^look\./;
 
 export class Controls {
-  constructor(groups, store, uploads, fail) {
-    this.store = store;
-    this.uploads = uploads;
-    this.fail = fail;
+  // fail(problem, kind) says what is wrong, well(kind) that it is no more.
+  constructor(groups, store, uploads, { fail, well }) {
+    Object.assign(this, { store, uploads, fail, well });
+    this.limits = new Limits(groups);
+    this.typed = null; // the field in which something is being entered: it is left alone until that is done
     this.rows = [];
     this.groups = []; // those that are there for one view alone
     this.element = el("div", { class: "groups" });
     for (const group of groups) this.element.append(this.group(group));
+    this.element.addEventListener("input", ({ target }) => { this.typed = target.type === "range" ? null : target; }, true);
+    this.element.addEventListener("change", ({ target }) => { if (target.type !== "range") { this.inForce(); this.refresh(); } });
+  }
+
+  // From the next refresh on every field shows the value that there is, whatever was entered.
+  inForce() {
+    this.typed = null;
+    for (const row of this.rows) row.state = null;
   }
 
   group(group) {
@@ -40,7 +51,8 @@ export class Controls {
   }
 
   set(control, value) {
-    const { key } = control;
+    const { key } = control, refused = LOOK.test(key) && value !== undefined && this.limits.refused(key, value);
+    if (refused) { this.fail(new Error(refused), "entry"); return; }
     this.store.edit((now) => {
       if (LOOK.test(key)) { put(now, key, value); return; }
       if (/\.law$/.test(key)) { now.spec[key.split(".")[0]] = this.law(key.split(".")[0], value); return; }
@@ -64,7 +76,7 @@ export class Controls {
     const { answer } = this;
     const old = this.store.now.spec[section];
     const curve = answer?.arrays[`law_${section === "horizontal" ? "x" : "y"}`].data ?? new Float32Array([0.8, 0.8]);
-    const radius = (k) => (Math.abs(k) > 2e-5 ? Math.round(10000 / k) / 10 : 1250);
+    const radius = (k) => (Math.abs(k) > FLAT ? Math.round(10000 / k) / 10 : 1250);
     let [left, right] = [radius(curve[0]), radius(curve.at(-1))];
     if (left * right < 0) left = right;
     const law = { law: kind };
@@ -78,7 +90,7 @@ export class Controls {
       const places = [0, 1, 2, 3, 4, 5, 6].map((i) => i / 6);
       law.x_mm = places.map((s) => Math.round(10 * (x0 + s * (x1 - x0))) / 10);
       const values = places.map((s) => curve[Math.round(s * (curve.length - 1))]);
-      if (values.every((k) => Math.abs(k) > 2e-5)) law.radius_mm = values.map(radius);
+      if (values.every((k) => Math.abs(k) > FLAT)) law.radius_mm = values.map(radius);
       else law.curvature_per_mm = values.map((k) => k / 1000);
     }
     if (section === "horizontal") {
@@ -142,7 +154,9 @@ export class Controls {
       if (!up || event.ctrlKey || event.metaKey || (from === row.number && /Left|Right/.test(event.key))) return;
       event.preventDefault();
       const size = step * (event.shiftKey ? 10 : event.altKey ? 0.1 : 1);
-      this.set(control, round(this.shownValue(row) + up * size, size / 10));
+      const to = round(this.shownValue(row) + up * size, size / 10);
+      this.typed = null;
+      this.set(control, Math.min(control.most ?? Infinity, Math.max(control.least ?? -Infinity, to)));
     };
     row.range.addEventListener("keydown", (event) => {
       if (event.key === "Home" || event.key === "End") { event.preventDefault(); this.set(control, event.key === "Home" ? low : high); }
@@ -150,9 +164,8 @@ export class Controls {
     });
     row.number.addEventListener("keydown", (event) => nudge(event, row.number));
     row.number.addEventListener("input", () => {
-      if (Number.isFinite(row.number.valueAsNumber)) { row.typing = true; this.set(control, row.number.valueAsNumber); row.typing = false; }
+      if (Number.isFinite(row.number.valueAsNumber)) this.set(control, row.number.valueAsNumber);
     });
-    row.number.addEventListener("change", () => this.refresh());
     row.digits = digits;
     row.unit = el("span", { class: "unit" }, unit);
     line.append(row.range, row.number, row.unit);
@@ -215,13 +228,14 @@ export class Controls {
   async tableIn(section) {
     const file = await choose(this.uploads.table.endings);
     if (!file) return;
+    this.well("upload");
     try {
       const law = await post("/upload/table?ending=.csv", file);
       this.store.edit((now) => {
         const old = now.spec[section];
         now.spec[section] = section === "horizontal" ? { ...law, level_at: old.level_at ?? "centre" } : law;
       });
-    } catch (error) { this.fail(error); }
+    } catch (error) { this.fail(error, "upload"); }
   }
 
   // As it stands where the law is a table; else sampled from the curve.
@@ -234,8 +248,9 @@ export class Controls {
     } else {
       const { data } = this.answer.arrays[`law_${axis.at(-1)}`];
       const [x0, x1] = this.answer.box_mm;
-      header = "x_mm,curvature_per_mm";
-      rows = Array.from(data, (k, i) => `${(x0 + (i / (data.length - 1)) * (x1 - x0)).toFixed(4)},${(k / 1000).toPrecision(8)}`);
+      const radii = data.every((k) => Math.abs(k) > FLAT && k * data[0] > 0);
+      header = `x_mm,${radii ? "radius_mm" : "curvature_per_mm"}`;
+      rows = Array.from(data, (k, i) => `${(x0 + (i / (data.length - 1)) * (x1 - x0)).toFixed(4)},${(radii ? 1000 / k : k / 1000).toPrecision(8)}`);
     }
     save(`${this.store.now.spec.name}-${axis}.csv`, `${header}\n${rows.join("\n")}\n`, "text/csv");
   }
@@ -243,7 +258,7 @@ export class Controls {
   drawTable(section) {
     const { rows, axis } = this.tables[section];
     const law = this.store.now.spec[section];
-    if (law.law !== "table" || law.x_mm.length > 60) {
+    if (law.law !== "table" || law.x_mm.length > MOST_ROWS) {
       rows.replaceChildren(...(law.law === "table" ? [`${law.x_mm.length} rows: edit them as CSV`] : []));
       rows.shape = null;
       return;
@@ -265,7 +280,7 @@ export class Controls {
     }
     rows.querySelectorAll("input").forEach((input) => {
       const [, key, i] = input.name.split("."), value = String(law[key][Number(i)]);
-      if (input !== this.active && input.value !== value) input.value = value;
+      if (input !== this.typed && (input.value !== value || input.validity.badInput)) input.value = value;
     });
   }
 
@@ -289,11 +304,12 @@ export class Controls {
     body.append(el("div", { class: "buttons" }, el("button", { type: "button", onclick: async () => {
       const file = await choose(this.uploads[kind].endings);
       if (!file) return;
+      this.well("upload");
       try {
         const brought = await bringIn(kind, file);
         name.textContent = file.name;
         this.store.edit((now) => { if (kind === "outline") now.spec.outline = { file: brought }; else now.spec.scene.image = brought; });
-      } catch (error) { this.fail(error); }
+      } catch (error) { this.fail(error, "upload"); }
     } }, words), back, name));
     (this.backs ??= {})[key] = { back, name };
   }
@@ -302,7 +318,6 @@ export class Controls {
 
   refresh() {
     const { spec } = this.store.now;
-    this.active = document.activeElement;
     for (const { view, element } of this.groups) element.hidden = view !== this.store.now.look.view;
     const aim = this.answer?.road ? aimInWords(this.answer.road) : "";
     if (this.aim.textContent !== aim) this.aim.textContent = aim;
@@ -321,15 +336,15 @@ export class Controls {
       const value = this.value(key);
       // Most rows stay as they are while one is moved.
       const state = `${JSON.stringify(value)} ${value === "match" ? this.shownValue(row) : ""}`;
-      if (row.state === state && this.active !== row.number) continue;
+      if (row.state === state) continue;
       row.state = state;
       if (row.select) {
         let i = control.choices.findIndex(([one]) => one === value);
         if (i < 0) i = control.choices.findIndex(([one]) => one === "number");
         row.select.value = String(i);
       }
-      if (row.pair) row.pair.forEach((input, i) => { input.hidden = !Array.isArray(value); if (Array.isArray(value) && input !== this.active) input.value = value[i]; });
-      if (row.text && row.text !== this.active) row.text.value = value ?? "";
+      if (row.pair) row.pair.forEach((input, i) => { input.hidden = !Array.isArray(value); if (Array.isArray(value) && input !== this.typed) input.value = value[i]; });
+      if (row.text && row.text !== this.typed) row.text.value = value ?? "";
       if (row.flag) row.flag.checked = value !== undefined;
       if (row.range) this.fill(row, value);
     }
@@ -353,8 +368,9 @@ export class Controls {
     if (range.disabled !== absent) range.disabled = number.disabled = absent;
     if (control.choices.length) range.hidden = number.hidden = row.unit.hidden = absent;
     row.element.classList.toggle("solved", solved);
-    range.setAttribute("aria-valuetext", `${trimmed(shown, row.digits)} ${control.unit}${solved ? ", solved" : ""}`);
-    if (!row.typing && number !== this.active || !row.typing && number.valueAsNumber !== shown) number.value = trimmed(shown, row.digits);
+    range.setAttribute("aria-valuetext", value === "inf" ? "flat" : `${trimmed(shown, row.digits)} ${control.unit}${solved ? ", solved" : ""}`);
+    number.placeholder = value === "inf" ? "∞" : "";
+    if (number !== this.typed) number.value = value === "inf" ? "" : trimmed(shown, row.digits);
   }
 }
 

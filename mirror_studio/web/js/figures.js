@@ -1,9 +1,10 @@
 // The figures beside those of the pinned design, with the limits that the user sets for them.
 
 import { el } from "./dom.js";
+import { LIMITS, limitOf, setLimit } from "./state.js";
+import { fixed } from "./numbers.js";
 
-const fixed = (digits) => (v) => v.toFixed(digits).replace("-", "−").replace(/^−(0(\.0*)?)$/, "$1");
-const deg = fixed(2), pct = fixed(2), mm = fixed(0);
+const deg = (v) => fixed(v, 2), pct = deg, mm = (v) => fixed(v, 0);
 
 export const FIGURES = [
   { id: "h-fov", label: "H-FOV, section", unit: "°", of: (a) => a.figures.h_fov_deg.section, show: deg,
@@ -51,6 +52,9 @@ export class Figures {
     this.store = store;
     this.cells = {};
     this.last = {}; // of figures that are worked out when the hand rests
+    this.typed = null; // the limit that is being entered
+    table.addEventListener("input", (event) => { this.typed = event.target; }, true);
+    table.addEventListener("change", () => this.inForce());
     const head = (words) => el("th", { scope: "row" }, words);
     const row = (name, words) => {
       const line = el("tr", { class: name }, head(words));
@@ -63,7 +67,7 @@ export class Figures {
       row("limit", "Limits"), row("verdict", "Verdict")));
     for (const { id, label } of FIGURES) {
       this.cells[`now ${id}`].dataset.testid = id;
-      const inputs = ["least", "most"].map((which, i) => el("input", { type: "number", step: "any", name: `limits.${id}.${i}`, placeholder: i ? "most" : "least",
+      const inputs = ["least", "most"].map((which, i) => el("input", { type: "number", step: "any", name: `limits.${LIMITS[id] ?? id}.${i}`, placeholder: i ? "most" : "least",
         "aria-label": `${label}: ${which}`, oninput: (event) => this.limit(id, i, event.target.valueAsNumber) }));
       this.cells[`limit ${id}`].append(...inputs);
       this.cells[`limit ${id}`].inputs = inputs;
@@ -71,21 +75,29 @@ export class Figures {
   }
 
   limit(id, i, value) {
-    this.store.edit(({ limits }) => {
-      const pair = [...(limits[id] ?? [null, null])];
+    this.store.edit((now) => {
+      const pair = [...(limitOf(now, id) ?? [null, null])];
       pair[i] = Number.isFinite(value) ? value : null;
-      if (pair.every((one) => one === null)) delete limits[id];
-      else limits[id] = pair;
+      setLimit(now, id, pair);
     });
+  }
+
+  // The fields show the limits that there are, whatever was entered.
+  inForce() {
+    this.typed = null;
+    for (const { id } of FIGURES) {
+      const pair = limitOf(this.store.now, id);
+      this.cells[`limit ${id}`].inputs.forEach((input, i) => { input.value = pair?.[i] ?? ""; });
+    }
   }
 
   shown(answer, pinned) {
     if (answer) this.answer = answer;
-    const { limits, look } = this.store.now, active = document.activeElement;
+    const { look } = this.store.now;
     for (const figure of FIGURES) {
       const { id, of, show, fine } = figure;
       const cell = (name) => this.cells[`${name} ${id}`];
-      const there = look.view === "road" ? !OF_THE_PLANE.includes(id) || Boolean(limits[id]) : figure.view !== "road";
+      const there = look.view === "road" ? !OF_THE_PLANE.includes(id) || Boolean(limitOf(this.store.now, id)) : figure.view !== "road";
       for (const name of ["head", "now", "pinned", "change", "limit", "verdict"]) if (cell(name).hidden === there) cell(name).hidden = !there;
       const now = this.answer && of(this.answer), stale = fine && !this.answer?.fine && typeof now !== "number";
       if (fine && !stale) this.last[id] = now;
@@ -97,10 +109,10 @@ export class Figures {
       say(cell("pinned"), pinned ? text(was) : "");
       const change = typeof value === "number" && typeof was === "number" ? value - was : null;
       say(cell("change"), change === null ? "" : signed(show(change)));
-      const pair = limits[id];
+      const pair = limitOf(this.store.now, id);
       cell("limit").inputs.forEach((input, i) => {
         const wanted = String(pair?.[i] ?? "");
-        if (input !== active && input.value !== wanted) input.value = wanted;
+        if (input !== this.typed && input.value !== wanted) input.value = wanted;
       });
       const failed = pair && (typeof value !== "number" || (pair[0] !== null && value < pair[0]) || (pair[1] !== null && value > pair[1]));
       say(cell("verdict"), !pair ? "" : failed ? "✗ fail" : "✓ pass", !pair ? "" : failed ? "fail" : "pass");

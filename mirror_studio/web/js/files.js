@@ -26,10 +26,12 @@ async function inStore(mode, work) {
 
 export const endingOf = (file) => (file.name.match(/\.[^.]*$/)?.[0] ?? "").toLowerCase();
 
+const to = (kind, ending, name) => `/upload/${kind}?ending=${encodeURIComponent(ending)}&name=${encodeURIComponent(name)}`;
+
 // Send a file to the server; its name there is the hash of its content.
 export async function bringIn(kind, file) {
   const ending = endingOf(file);
-  const { name } = await post(`/upload/${kind}?ending=${encodeURIComponent(ending)}`, file);
+  const { name } = await post(to(kind, ending, file.name), file);
   await inStore("readwrite", (store) => store.put({ kind, ending, blob: file, shown: file.name }, name)).catch(() => {});
   return name;
 }
@@ -37,7 +39,7 @@ export async function bringIn(kind, file) {
 export async function bringAgain(names) {
   for (const name of names) {
     const kept = await inStore("readonly", (store) => store.get(name)).catch(() => undefined);
-    if (kept) await post(`/upload/${kept.kind}?ending=${encodeURIComponent(kept.ending)}`, kept.blob).catch(() => {});
+    if (kept) await post(to(kept.kind, kept.ending, kept.shown), kept.blob).catch(() => {});
   }
 }
 

@@ -81,14 +81,9 @@ export function drawGround(canvas, { road, arrays, box_mm }, pinned) {
   for (const [x, wide] of road.figures.seen_width_m) if (wide > 0) line(context, [[px(x), py(flank)], [px(x), py(flank + outward * wide)]]);
   for (const { name, corners_m: corners } of bodies) {
     polygon(context, corners.map(([x, y]) => [px(x), py(y)]), "#c3cad1", "#5b6670");
-    const xs = corners.map(([x]) => x), size = (Math.max(...xs) - Math.min(...xs)) * scale;
-    context.fillStyle = "#1d232b";
-    context.textAlign = "center";
-    if (context.measureText(name).width < size) {
-      const middle = corners.reduce(([a, b], [x, y]) => [a + x / corners.length, b + y / corners.length], [0, 0]);
-      context.fillText(name, px(0.5 * (Math.max(...xs) + Math.min(...xs))), py(middle[1]) + 3);
-    }
   }
+  names(context, bodies.map(({ name, corners_m: corners }) => [name, around(corners.map(([x, y]) => [px(x), py(y)]))]),
+    around([[px(own[0]), py(own[2])], [px(own[1]), py(own[3])]]), [left, top, left + across, top + up]);
   polygon(context, [[own[0], own[2]], [own[1], own[2]], [own[1], own[3]], [own[0], own[3]]].map(([x, y]) => [px(x), py(y)]), "#fff", "#1d232b");
   road.eyes_m.forEach(([x, y], i) => {
     context.fillStyle = i ? RIGHT : LEFT;
@@ -101,6 +96,27 @@ export function drawGround(canvas, { road, arrays, box_mm }, pinned) {
   context.lineWidth = 2;
   line(context, [[px(x), py(y - half)], [px(x), py(y + half)]]);
   context.restore();
+}
+
+// The box about places: left, top, right, bottom.
+const around = (points) => [Math.min, Math.max].flatMap((most) => [0, 1].map((c) => most(...points.map((point) => point[c]))));
+const apart = (a, b) => a[2] <= b[0] || b[2] <= a[0] || a[3] <= b[1] || b[3] <= a[1];
+
+// Each vehicle's name on it or beside it, where that covers nothing else.
+function names(context, named, own, frame) {
+  const taken = [...named.map(([, box]) => box), own];
+  context.fillStyle = "#1d232b";
+  context.textAlign = "center";
+  for (const [name, box] of named) {
+    const wide = context.measureText(name).width + 4, tall = 11, x = 0.5 * (box[0] + box[2]), y = 0.5 * (box[1] + box[3]);
+    const at = (cx, cy) => [cx - wide / 2, cy - tall / 2, cx + wide / 2, cy + tall / 2];
+    const beside = [at(x, box[1] - tall / 2 - 1), at(x, box[3] + tall / 2 + 1), at(box[0] - wide / 2, y), at(box[2] + wide / 2, y)];
+    const spot = wide - 4 < box[2] - box[0] ? at(x, y) : beside.find((one) => one[0] >= frame[0] && one[1] >= frame[1] && one[2] <= frame[2]
+      && one[3] <= frame[3] && taken.every((other) => apart(one, other)));
+    if (!spot) continue;
+    taken.push(spot);
+    context.fillText(name, 0.5 * (spot[0] + spot[2]), spot[3] - 2.5);
+  }
 }
 
 function line(context, points) {

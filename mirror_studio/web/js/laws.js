@@ -1,24 +1,26 @@
 // The two laws as curves R(x): drawn as designed, realised and within the limit band, and dragged by their points.
 
 import { el, roundStep, sizeOf, watch } from "./dom.js";
+import { FLAT, MOST_ROWS } from "./numbers.js";
 
 const PAD = { left: 40, right: 10, top: 20, bottom: 18 };
-const FLAT = 2e-5; // 1/m: a radius of 50 km
+const LEAST_MM = 20; // to which a radius is dragged: nothing smaller is a mirror's
 
 export class LawPlot {
   constructor(section, axis, store) {
     this.section = section;
     this.axis = axis;
     this.store = store;
-    this.held = null; // the scale while a point is dragged
+    this.held = null; // the scale while a point is dragged: it widens only for what lies beyond it
     this.svg = el("svg:svg", { class: "law", role: "group", "aria-label": `Law ${axis}(x): drag its points, or use the arrow keys on them` });
     this.grid = el("svg:g", { class: "grid" });
+    this.flat = el("svg:text", { class: "title", "text-anchor": "middle" });
     this.band = el("svg:path", { class: "band" });
     this.real = el("svg:path", { class: "real" });
     this.line = el("svg:path", { class: "line" });
     this.guides = el("svg:path", { class: "guides" });
     this.handles = el("svg:g");
-    this.svg.append(this.grid, this.band, this.guides, this.real, this.line, this.handles);
+    this.svg.append(this.grid, this.band, this.guides, this.real, this.line, this.flat, this.handles);
     this.element = el("div", { class: "law-plot" }, this.svg);
     watch(this.element, () => this.draw());
   }
@@ -48,11 +50,13 @@ export class LawPlot {
     const room = Math.max(0.06 * (high - low), 0.04 * Math.abs(high), 10);
     const step = roundStep(high - low + 2 * room, 6); // round ends stay while a point moves a little
     let scale = [Math.floor((low - room) / step) * step, Math.ceil((high + room) / step) * step];
-    if (this.held) scale = [Math.min(this.held[0], scale[0]), Math.max(this.held[1], scale[1])];
+    if (this.held) {
+      const { held } = this, beyond = points.some(({ r }) => r < held[0] || r > held[1]);
+      scale = beyond ? [Math.min(held[0], scale[0]), Math.max(held[1], scale[1])] : held;
+    }
     this.scale = scale;
     const px = (x) => PAD.left + ((x - x0) / (x1 - x0)) * (width - PAD.left - PAD.right);
     const py = (r) => PAD.top + ((scale[1] - r) / (scale[1] - scale[0])) * (height - PAD.top - PAD.bottom);
-    this.px = px;
     this.toX = (p) => x0 + ((p - PAD.left) / (width - PAD.left - PAD.right)) * (x1 - x0);
     this.toR = (p) => scale[1] - ((p - PAD.top) / (height - PAD.top - PAD.bottom)) * (scale[1] - scale[0]);
 
@@ -72,7 +76,11 @@ export class LawPlot {
       });
       return text;
     };
-    this.line.setAttribute("d", path(asked));
+    const flat = asked.every((k) => Math.abs(k) <= FLAT);
+    this.line.setAttribute("d", flat ? `M${px(x0).toFixed(1)},${PAD.top}H${px(x1).toFixed(1)}` : path(asked));
+    this.flat.textContent = flat ? "flat (R = ∞)" : "";
+    this.flat.setAttribute("x", 0.5 * (px(x0) + px(x1)));
+    this.flat.setAttribute("y", PAD.top + 14);
     this.real.setAttribute("d", path(real));
     // The limit is of the curvature: R/(1 ± p).
     const limit = this.store.now.spec.limits?.curvature_percent;
@@ -103,8 +111,11 @@ export class LawPlot {
     return parts;
   }
 
-  // The points by which the law is dragged: where, which keys, and what a move does.
-  points() {
+  // The points by which the law is dragged; where it is flat there is none.
+  points() { return this.all().filter((point) => point.onAxis || Number.isFinite(point.r)); }
+
+  // Where they are, which keys they stand for, and what a move does.
+  all() {
     const law = this.store.now.spec[this.section], { section } = this;
     const [x0, x1] = this.answer.box_mm;
     const radius = (key) => (x, r) => { this.store.now.spec[section][key] = r; };
@@ -113,7 +124,7 @@ export class LawPlot {
       { id: "right_mm", label: `${this.axis} right`, x: Math.min(this.xOf(0), x1), r: law.right_mm, move: radius("right_mm") },
       { id: "left_mm", label: `${this.axis} left`, x: Math.max(this.xOf(1), x0), r: law.left_mm, move: radius("left_mm") }];
     if (law.law === "constant") {
-      const r = Number(law.radius_mm);
+      const r = law.radius_mm === "inf" ? Infinity : law.radius_mm;
       return [{ id: "radius_mm", label: `${this.axis} everywhere`, x: 0.5 * (x0 + x1), r, move: radius("radius_mm") }];
     }
     if (law.law === "linear" || law.law === "power") return two();
@@ -126,10 +137,10 @@ export class LawPlot {
           move: (x) => this.blend(x, "blend_to", from + 0.01, 1) }];
     }
     if (law.law === "table") {
-      const radii = law.radius_mm?.map(Number) ?? law.curvature_per_mm.map((k) => (Math.abs(k) > 1e-9 ? 1 / k : Infinity));
-      const every = Math.ceil(law.x_mm.length / 60); // a longer table is drawn, and edited as a file
+      if (law.x_mm.length > MOST_ROWS) return [];
+      const radii = law.radius_mm?.map((r) => (typeof r === "number" ? r : Infinity)) ?? law.curvature_per_mm.map((k) => (Math.abs(1000 * k) > FLAT ? 1 / k : Infinity));
       return law.x_mm.map((x, i) => ({ id: `${i}`, label: `${this.axis} at x = ${x}`, x, r: radii[i],
-        move: (to, r) => this.node(i, to, r) })).filter((p, i) => i % every === 0 && Number.isFinite(p.r));
+        move: (to, r) => this.node(i, to, r) }));
     }
     return [];
   }
@@ -181,10 +192,10 @@ export class LawPlot {
     handle.setPointerCapture(event.pointerId);
     this.held = this.scale;
     const box = this.svg.getBoundingClientRect();
+    const { toX, toR } = this, { r: from } = handle.point; // as at the beginning: one place of the pointer is one radius
     const move = (e) => {
-      const r = Math.round(this.toR(e.clientY - box.top));
-      if (r === 0) return;
-      this.store.edit(() => handle.point.move(this.toX(e.clientX - box.left), r));
+      const r = sameSide(from, Math.round(toR(e.clientY - box.top)));
+      this.store.edit(() => handle.point.move(toX(e.clientX - box.left), r));
       this.draw();
     };
     const up = () => {
@@ -203,7 +214,13 @@ export class LawPlot {
     if (!dx && !dr) return;
     event.preventDefault();
     const { point } = handle;
-    this.store.edit(() => point.move(point.x + size * dx, Math.round(point.r + size * dr) || 1));
+    this.store.edit(() => point.move(point.x + size * dx, sameSide(point.r, Math.round(point.r + size * dr))));
     this.draw();
   }
+}
+
+// Convex stays convex and concave concave: between them lies no radius.
+function sameSide(from, to) {
+  const least = Math.min(LEAST_MM, Math.abs(from));
+  return from > 0 ? Math.max(least, to) : Math.min(-least, to);
 }

@@ -10,36 +10,39 @@ import { FlatMap, Plan } from "./maps.js";
 import { Mirror3D } from "./mirror3d.js";
 import { pictureOf, Road } from "./road.js";
 import { Stage } from "./stage.js";
-import { copy, Store } from "./state.js";
-import { Faults, post, Wire } from "./wire.js";
+import { copy, LIMITS, limitOf, setLimit, Store } from "./state.js";
+import { Faults, post, postForFile, SILENT, Wire } from "./wire.js";
 
 const REST_MS = 160; // a hand that has not moved for so long rests: the fine picture is due
 
 const start = await (await fetch("/start")).json();
 let answer = null, wire = null, pinned = null, restTimer = 0, quantity = "rx", changedAt = 0, built = null;
 const rates = [];
+const made = find("#made");
+let madeOf = ""; // the design for which it says something
 
 // --- errors, in words ---
 
-const error = find("#error");
-function fail(problem) {
-  const faults = problem instanceof Faults ? problem.faults : [problem.message ?? String(problem)];
-  const text = faults.join("\n");
+// By what they are about: "design", "entry" (a value that was not taken), "link", "upload", "pin", "files".
+const error = find("#error"), wrong = new Map();
+function fail(problem, kind) {
+  wrong.set(kind, (problem instanceof Faults ? problem.faults : [problem.message ?? String(problem)]).join("\n"));
+  say();
+}
+function well(kind) { if (wrong.delete(kind)) say(); }
+function say() {
+  const text = [...wrong.values()].join("\n");
   if (error.textContent !== text) error.textContent = text;
-  error.parentElement.hidden = false;
+  error.parentElement.hidden = !text;
 }
-function well() {
-  if (error.textContent) error.textContent = "";
-  error.parentElement.hidden = true;
-}
-find("#error-close").addEventListener("click", well);
+find("#error-close").addEventListener("click", () => { wrong.clear(); say(); });
 
 // --- the parts ---
 
 const store = new Store(start.presets, start.look, start.opens_on, changed);
 const laws = [new LawPlot("horizontal", "Rx", store), new LawPlot("vertical", "Ry", store)];
 find("#laws").append(...laws.map((law) => law.element));
-const controls = new Controls(start.controls, store, start.uploads, fail);
+const controls = new Controls(start.controls, store, start.uploads, { fail, well });
 find("#controls").append(controls.element);
 const stage = new Stage(find("#driver-view"), find("#readout"), {
   probe: (at) => wire.ask({ type: "probe", ...at }),
@@ -92,11 +95,17 @@ find("#eyes").addEventListener("click", () => store.edit(({ look }) => { look.ey
 function request(fine) {
   asked = wanted();
   const { spec, look } = store.now;
-  wire?.design({ spec, look: { ...look, ...stage.room }, fine, changed: changedAt });
+  wire?.design({ spec, look: { ...look, ...stage.room(look) }, fine, changed: changedAt });
   stage.expect();
 }
 
-function changed(now, settled = false) {
+function changed(now, settled = false, replaced = false) {
+  if (!settled || replaced) well("entry");
+  if (replaced) { // the fields show what there is now, whatever was being entered
+    controls.inForce();
+    figures.inForce();
+  }
+  if (made.textContent && madeOf !== filesKey()) made.textContent = "";
   paint();
   if (settled && !stale()) return;
   changedAt = performance.now();
@@ -131,7 +140,7 @@ function paint(soon) {
     laws.forEach((law) => law.draw());
     figures.shown(null, pinned?.answer);
     road.refresh(now, pinned);
-    if (presets.value !== now.preset) presets.value = now.preset;
+    showPreset(now);
     find("#eyes").setAttribute("aria-pressed", String(now.look.eyes === "both"));
     find("#own-away").hidden = !now.look.own;
     find("#undo").disabled = !store.past.length && !store.unsettled;
@@ -152,6 +161,7 @@ function rest() {
 wire = new Wire({
   async connected() {
     find("#lost").hidden = true;
+    for (const [kind, text] of wrong) if (text.startsWith(SILENT)) well(kind);
     const { spec, look } = store.now;
     await bringAgain([spec.outline.file, spec.scene.image, look.own].filter((name) => name && name !== "road"));
     request(false);
@@ -166,7 +176,7 @@ wire = new Wire({
     if (answer && message.id < answer.id) return;
     answer = controls.answer = message;
     for (const law of laws) law.answer = message;
-    well();
+    well("design");
     road.shown(message);
     figures.shown(message, pinned?.answer); // before the picture: who waits for that finds them
     message.flight = flight;
@@ -184,22 +194,23 @@ wire = new Wire({
     plan.show(answer, store.now.spec.scene.lane, pinned);
   },
   pinned(message) { if (pinned?.asked === message.id) keep(message); },
-  unpinned({ id, faults }) { if (pinned?.asked === id) fail(new Faults(faults.map((fault) => `pinned design: ${fault}`))); },
+  unpinned({ id, faults }) { if (pinned?.asked === id) fail(new Faults(faults.map((fault) => `pinned design: ${fault}`)), "pin"); },
   failed(message, flight) {
-    fail(new Faults(message.faults));
+    fail(new Faults(message.faults), "design");
     road.failed();
     if (flight?.fine) done();
   },
   probed({ found }) { stage.probed(found); },
   building({ step }) { find("#build-step").textContent = step; progress(step); },
   built(message) { built = { ...message, key: buildKey }; deliver(true); },
-  unbuilt({ faults }) { endBuild(); if (faults.length) fail(new Faults(faults)); },
+  unbuilt({ faults }) { endBuild(); if (faults.length) fail(new Faults(faults), "files"); },
 });
 
 function notes({ notes: texts, matched, fit, ms }) {
   const parts = Object.entries(matched).map(([key, value]) => `${key} solved: ${value.toFixed(4)}`);
   parts.push(`${fit.spans.join(" × ")} spans of degree ${fit.degree}${fit.met ? "" : ", tolerance missed"}`, ...texts);
-  if (find("#notes").textContent !== parts.join(" · ")) find("#notes").textContent = parts.join(" · ");
+  const text = parts.join(" · ");
+  if (find("#notes").textContent !== text) find("#notes").textContent = find("#notes").title = text;
   find("#notes").classList.toggle("warning", !fit.met || texts.length > 0);
   find("#status").title = `design, maps and figures ${ms.design.toFixed(0)} ms, picture ${ms.picture.toFixed(0)} ms`;
 }
@@ -214,9 +225,17 @@ function measure(flight) {
 // --- presets, undo, pin ---
 
 const presets = find("#preset");
-presets.append(...Object.keys(start.presets).map((name) => el("option", { value: name }, name)));
+const changedPreset = el("option", { value: "", hidden: true }); // shown, and not among those to choose from
+presets.append(changedPreset, ...Object.keys(start.presets).map((name) => el("option", { value: name }, name)));
+function showPreset({ preset, spec }) {
+  const { different } = store, value = different ? "" : preset, words = different ? `${preset}, changed` : "";
+  if (changedPreset.textContent !== words) changedPreset.textContent = words;
+  if (presets.value !== value) presets.value = value;
+  presets.title = different && spec.name === preset ? `The design is no longer ${preset}, but still has its name: another one is given under Files` : "";
+}
 presets.addEventListener("change", () => {
   const fresh = store.fresh(presets.value);
+  for (const id of Object.keys(LIMITS)) setLimit(fresh, id, limitOf(store.now, id) ?? [null, null]);
   store.replace({ ...fresh, limits: store.now.limits, look: { ...store.now.look, yaw_deg: 0, pitch_deg: 0 } });
 });
 find("#undo").addEventListener("click", () => store.undo());
@@ -224,6 +243,7 @@ find("#redo").addEventListener("click", () => store.redo());
 
 async function pin() {
   if (!answer) return;
+  well("pin");
   const one = answer, state = copy(store.now); // as they are now: the hand goes on while pictures are decoded
   const fresh = { state, views: {} };
   pinned = Object.assign(fresh, await seen(one));
@@ -244,7 +264,7 @@ function repin() {
   if (!pinned) return;
   const { view } = store.now.look, { spec, look } = pinned.state;
   if (pinned.views[view]) { use(pinned.views[view]); return; }
-  pinned.asked = wire.ask({ type: "pinned", spec, look: { ...look, view, ...stage.room } });
+  pinned.asked = wire.ask({ type: "pinned", spec, look: { ...look, view, ...stage.room({ ...look, view }) } });
 }
 async function keep(message) {
   const one = pinned;
@@ -260,6 +280,7 @@ function use(shown) {
 find("#pin").addEventListener("click", pin);
 find("#unpin").addEventListener("click", () => {
   pinned = null;
+  well("pin");
   stage.overlay(null);
   for (const id of ["#hold", "#swap", "#unpin"]) find(id).disabled = true;
   figures.shown(null, null);
@@ -279,10 +300,11 @@ hold.addEventListener("click", () => flip(hold.getAttribute("aria-pressed") !== 
 find("#own").addEventListener("click", async () => {
   const file = await choose(start.uploads.reflector.endings);
   if (!file) return;
+  well("upload");
   try {
     const name = await bringIn("reflector", file);
     store.edit(({ look }) => { look.own = name; });
-  } catch (problem) { fail(problem); }
+  } catch (problem) { fail(problem, "upload"); }
 });
 find("#own-away").addEventListener("click", () => store.edit(({ look }) => { delete look.own; }));
 
@@ -291,16 +313,19 @@ find("#own-away").addEventListener("click", () => store.edit(({ look }) => { del
 find("#open").addEventListener("click", async () => {
   const file = await choose(start.uploads.spec.endings);
   if (!file) return;
+  well("upload");
   try {
     const { spec, look } = await post("/upload/spec?ending=.toml", file);
-    store.replace({ ...store.now, spec, look: { ...store.now.look, ...(look ?? { yaw_deg: 0, pitch_deg: 0 }) } });
-  } catch (problem) { fail(problem); }
+    store.replace({ ...store.now, spec, limits: {}, look: { ...store.now.look, ...(look ?? { yaw_deg: 0, pitch_deg: 0 }) } });
+  } catch (problem) { fail(problem, "upload"); }
 });
 async function saveSpec() {
   try {
-    const { name, text } = await post("/toml", JSON.stringify({ spec: store.now.spec, look: { ...store.now.look, ...stage.room } }));
-    save(name, text, "application/toml");
-  } catch (problem) { fail(problem); }
+    const { spec, look } = store.now;
+    const { name, text, zip } = await post("/toml", JSON.stringify({ spec, look: { ...look, ...stage.room(look) } }));
+    if (zip) save(name, Uint8Array.from(atob(zip), (one) => one.charCodeAt(0)), "application/zip");
+    else save(name, text, "application/toml");
+  } catch (problem) { fail(problem, "files"); }
 }
 find("#link").addEventListener("click", async () => {
   store.settle();
@@ -309,18 +334,30 @@ find("#link").addEventListener("click", async () => {
   find("#link").textContent = "Copied";
   setTimeout(() => { find("#link").textContent = "Copy link"; }, 1200);
 });
-addEventListener("hashchange", () => { if (location.hash.length > 1) store.fromAddress(); });
+// Whether there was a design in the address; what is left out of it is said.
+function fromAddress(later) {
+  well("link");
+  const left = store.fromAddress((key, value) => controls.limits.refused(key, value), later);
+  if (left?.length) fail(new Faults(left.map((words) => `left out of the link: ${words}`)), "link");
+  return left !== null;
+}
+addEventListener("hashchange", () => { if (location.hash.length > 1) fromAddress(true); });
 
 // --- taking away ---
 
 let building = null, buildKey = "", begun = 0;
+function filesKey() {
+  const { spec, look: { own, ...look } } = store.now;
+  return JSON.stringify([spec, look]);
+}
 const STEPS = ["designing", "writing and reading back", "curvature deviation", "tracing the driver", "decoupled and faithful", "report", "done"];
+find("[data-take=pdf]").hidden = !start.kinds.includes("pdf");
 for (const button of document.querySelectorAll("[data-take]")) button.addEventListener("click", () => take(button.dataset.take));
 function take(kind) {
+  well("files");
   if (kind === "spec") { saveSpec(); return; }
-  if (kind === "picture" && store.now.look.view === "road") { saveRoad(); return; }
-  const { own, ...look } = store.now.look;
-  const key = JSON.stringify([store.now.spec, look]);
+  if (kind === "picture") { savePicture(); return; }
+  const { spec, look } = store.now, key = filesKey();
   building = kind;
   if (built?.key === key) { deliver(); return; }
   buildKey = key;
@@ -328,15 +365,23 @@ function take(kind) {
   find("#building").hidden = false;
   find("#build-step").textContent = "starting";
   progress("");
-  if (!wire.ask({ type: "build", spec: store.now.spec, look: { ...store.now.look, ...stage.room } })) {
+  if (!wire.ask({ type: "build", spec, look: { ...look, ...stage.room(look) } })) {
     endBuild();
-    fail(new Error("the studio's server does not answer: the files can be made when it does"));
+    fail(new Error(`${SILENT}: the files can be made when it does`), "files");
   }
 }
-async function saveRoad() {
-  const picture = await pictureOf(stage);
-  if (picture) save(`${store.now.spec.name}-road.png`, picture, "image/png");
-  else fail(new Error("the picture is still a draft: take it when the fine one is there"));
+async function savePicture() {
+  const { spec, look } = store.now;
+  if (look.view === "road") {
+    const picture = await pictureOf(stage);
+    if (picture) save(`${spec.name}-road.png`, picture, "image/png");
+    else fail(new Error("the picture is still a draft: take it when the fine one is there"), "files");
+    return;
+  }
+  try {
+    const body = JSON.stringify({ spec, look: { ...look, ...stage.room(look) } });
+    save(`${spec.name}-view.png`, await postForFile("/picture", body), "image/png");
+  } catch (problem) { fail(problem, "files"); }
 }
 function progress(step) {
   const at = STEPS.findIndex((text) => step.startsWith(text));
@@ -350,13 +395,17 @@ async function deliver(fresh) {
   const there = await fetch(path, { method: "HEAD" }).catch(() => null);
   if (!there?.ok) {
     built = null;
-    if (fresh) fail(new Error("the files are no longer on the server: try again"));
+    if (fresh) fail(new Error(there ? "the files are no longer on the server: try again" : SILENT), "files");
     else take(kind); // the server was restarted
     return;
   }
   save("", path);
-  find("#made").textContent = built.missed.length ? `Made, but: ${built.missed.join("; ")}` : `Made and read back in ${((performance.now() - begun) / 1000).toFixed(1)} s`;
-  find("#made").classList.toggle("warning", built.missed.length > 0);
+  madeOf = filesKey();
+  const then = madeOf === built.key ? "" : " (of the design as it was when asked for)";
+  const said = [...built.missed, ...built.notes];
+  made.textContent = said.length ? `Made${then}, but: ${said.join("; ")}` : `Made and read back in ${((performance.now() - begun) / 1000).toFixed(1)} s${then}`;
+  made.title = made.textContent;
+  made.classList.toggle("warning", said.length > 0);
 }
 function endBuild() {
   building = null;
@@ -382,5 +431,5 @@ const help = find("#help-text");
 find("#help").addEventListener("click", () => help.showModal());
 addEventListener("pagehide", () => store.settle());
 
-if (!store.fromAddress()) changed(store.now);
+if (!fromAddress()) changed(store.now);
 document.body.dataset.ready = "yes";

@@ -1,8 +1,8 @@
 // The road in the driver's view: the switch to it, what is said of aim and rays there, and whether what is shown is a draft.
 
 import { el, find } from "./dom.js";
+import { fixed } from "./numbers.js";
 
-const fixed = (value, digits) => value.toFixed(digits).replace("-", "−").replace(/^−(0(\.0*)?)$/, "$1");
 const metres = (value) => `${fixed(Math.abs(value), 2)} m`;
 
 export const aimInWords = ({ yaw_deg, pitch_deg }) => `This aim: yaw ${fixed(yaw_deg, 2)}°, pitch ${fixed(pitch_deg, 2)}°`;

@@ -2,9 +2,12 @@
 
 import { cameraOf, cross, normal } from "./camera.js";
 import { el, sharp, sizeOf, watch } from "./dom.js";
+import { fixed } from "./numbers.js";
 import { metInWords } from "./road.js";
 
 const RAD = Math.PI / 180;
+const LABEL = 18; // CSS pixels above each of several pictures
+const HELD = "This is the pinned design A: what lies under the pointer is told of the design at hand";
 
 export class Stage {
   // due: whether answers are. presented: told of each answer when it is on the screen.
@@ -22,11 +25,12 @@ export class Stage {
     watch(canvas, () => { this.draw(); this.resized?.(); });
   }
 
-  // Room for pictures, in the screen's own pixels.
-  get room() {
-    const ratio = window.devicePixelRatio || 1;
-    const [width, height] = sizeOf(this.canvas).map((size) => Math.max(16, Math.min(4096, Math.round(size * ratio))));
-    return { width, height };
+  // Room for the pictures of a look, in the screen's own pixels: without that of their labels.
+  room({ eyes, own }) {
+    const ratio = window.devicePixelRatio || 1, [width, height] = sizeOf(this.canvas);
+    const labels = eyes === "both" || own ? LABEL * (this.answer?.layout?.[1] ?? 1) : 0;
+    const pixels = (size) => Math.max(16, Math.min(4096, Math.round(size * ratio)));
+    return { width: pixels(width), height: pixels(height - labels) };
   }
 
   // A picture is drawn in the first frame after it was decoded, and only the newest: `expect` looks for one in every frame
@@ -64,7 +68,7 @@ export class Stage {
   // While a pinned design is held against this one.
   overlay(image) {
     this.instead = image;
-    this.draw();
+    this.leave();
   }
 
   draw() {
@@ -74,36 +78,26 @@ export class Stage {
     this.places = [];
     if (!this.answer) return;
     const images = this.instead?.images ?? this.images, names = this.instead?.names ?? this.names, answer = this.instead?.answer ?? this.answer;
-    const cell = width / images.length;
+    const [columns, rows] = answer.layout, head = images.length > 1 ? LABEL : 0;
+    const cell = width / columns, band = height / rows - head;
+    const scale = Math.min(...images.map((image) => Math.min(cell / image.width, band / image.height))); // one for all
     context.imageSmoothingQuality = answer.fine ? "high" : "low";
     images.forEach((image, i) => {
-      const scale = Math.min(cell / image.width, height / image.height);
-      const w = image.width * scale, h = image.height * scale;
-      const x = i * cell + 0.5 * (cell - w), y = 0.5 * (height - h);
+      const w = image.width * scale, h = image.height * scale, row = Math.floor(i / columns);
+      const x = (i % columns) * cell + 0.5 * (cell - w), y = row * (band + head) + head + 0.5 * (band - h);
       context.drawImage(image, x, y, w, h);
       const [, kind, eye] = names[i].match(/^(\D+)(\d)$/);
       const camera = cameraOf(answer, names[i], kind, Number(eye));
       const place = { x, y, w, h, kind, eye: Number(eye), camera, size: w / camera.columns };
       this.places.push(place);
       if (this.grid && kind === "picture") this.drawGrid(context, place, answer);
-      if (names.length > 1) this.label(context, place, names.length);
+      if (names.length > 1) label(context, place, names, answer);
     });
     if (this.cross) {
       const { x, y } = this.cross;
       context.strokeStyle = "rgba(255,255,255,.9)"; context.lineWidth = 3; crosshair(context, x, y);
       context.strokeStyle = "#111"; context.lineWidth = 1; crosshair(context, x, y);
     }
-  }
-
-  label(context, place) {
-    const both = this.names.some((name) => name.endsWith("1"));
-    const words = [place.kind === "own" ? "your mirror" : this.names.includes("own0") ? "the design" : "", both ? ["left eye", "right eye"][place.eye] : ""];
-    context.font = "600 12px system-ui, sans-serif";
-    context.textAlign = "center";
-    const at = [words.filter(Boolean).join(", "), place.x + place.w / 2, Math.max(14, place.y + 14)];
-    context.strokeStyle = "rgba(255,255,255,.75)"; context.lineWidth = 3; context.strokeText(...at);
-    context.fillStyle = "#333";
-    context.fillText(...at);
   }
 
   // Lines one degree apart in the driver's sight, about the direction to the middle of the mirror.
@@ -131,6 +125,15 @@ export class Stage {
         context.stroke();
       }
     }
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "left";
+    for (let k = -15; k <= 15; k += 5) {
+      const words = `${fixed(k, 0)}°`, wide = context.measureText(words).width + 6;
+      for (const [x, y] of k ? [at(k * RAD, 0), at(0, k * RAD)] : [at(0, 0)]) {
+        const whole = x > place.x && x + wide < place.x + place.w && y - 14 > place.y && y < place.y + place.h;
+        if (whole) outlined(context, words, x + 3, y - 3);
+      }
+    }
     context.restore();
   }
 
@@ -139,9 +142,9 @@ export class Stage {
     this.look(event.clientX - box.left, event.clientY - box.top);
   }
 
-  leave() {
+  leave(words = "") {
     this.cross = null;
-    this.readout.textContent = "";
+    this.readout.textContent = words;
     this.draw();
   }
 
@@ -154,6 +157,7 @@ export class Stage {
   }
 
   look(x, y) {
+    if (this.instead) { this.leave(HELD); return; }
     const place = this.places?.find((p) => x >= p.x && x < p.x + p.w && y >= p.y && y < p.y + p.h);
     if (!place || place.kind !== "picture") { this.leave(); return; }
     this.cross = { x, y };
@@ -175,13 +179,32 @@ export class Stage {
     if (moved) this.ask();
     if (!found) { this.readout.textContent = "beside the mirror"; return; }
     const [x, y, z] = found.mirror_mm;
-    const times = (v) => (v === null ? "∞" : v.toFixed(3));
-    const landed = found.road ? metInWords(found.road) : found.landed_mm ? `lands at X ${(found.landed_mm[0] / 1000).toFixed(2)}, Y ${(found.landed_mm[1] / 1000).toFixed(2)} m`
+    const times = (v) => (v === null ? "∞" : fixed(v, 3));
+    const landed = found.road ? metInWords(found.road) : found.landed_mm ? `lands at X ${fixed(found.landed_mm[0] / 1000, 2)}, Y ${fixed(found.landed_mm[1] / 1000, 2)} m`
       : "does not reach the picture plane";
     this.readout.replaceChildren(
       el("b", {}, `${times(found.across)} × ${times(found.up)}`), " of flat (across × up) · ", landed,
-      ` · mirror (${x.toFixed(1)}, ${y.toFixed(1)}, ${z.toFixed(2)}) mm`);
+      ` · mirror (${fixed(x, 1)}, ${fixed(y, 1)}, ${fixed(z, 2)}) mm`);
   }
+}
+
+// Whose picture it is, above it.
+function label(context, { kind, eye, x, y, w }, names, { sizes_mm: sizes }) {
+  const size = () => `, ${sizes[kind].map((mm) => fixed(mm, 0)).join(" × ")} mm`;
+  const whose = names.includes("own0") ? `${kind === "own" ? "your mirror" : "the design"}${size()}` : "";
+  const words = [whose, names.some((name) => name.endsWith("1")) ? ["left eye", "right eye"][eye] : ""].filter(Boolean).join(", ");
+  context.font = "600 12px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.fillStyle = "#333";
+  context.fillText(words, x + w / 2, y - 5);
+}
+
+function outlined(context, ...at) {
+  context.strokeStyle = "rgba(0,0,0,.6)";
+  context.lineWidth = 3;
+  context.strokeText(...at);
+  context.fillStyle = "#fff";
+  context.fillText(...at);
 }
 
 function crosshair(context, x, y) {

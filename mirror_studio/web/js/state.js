@@ -3,6 +3,17 @@
 const MOST_HISTORY = 200;
 const SETTLE_MS = 350; // changes closer than this are one step of undo
 
+// Limits of these figures are the specification's own, which the files are judged by; those of others are the page's.
+export const LIMITS = { "h-fov": "h_fov_deg", "v-fov": "v_fov_left_deg", straightness: "lane_straightness_percent" };
+export function limitOf({ spec, limits }, id) {
+  return id in LIMITS ? spec.limits?.[LIMITS[id]] : limits[id];
+}
+export function setLimit(state, id, pair) {
+  const home = id in LIMITS ? (state.spec.limits ??= {}) : state.limits, key = LIMITS[id] ?? id;
+  if (pair.every((one) => one === null)) delete home[key];
+  else home[key] = pair;
+}
+
 export const copy = (value) => JSON.parse(JSON.stringify(value));
 
 export function get(object, key) {
@@ -28,6 +39,7 @@ export function flat(object, prefix = "", into = {}) {
 }
 
 export class Store {
+  // changed(now, settled, replaced): settled: no step by hand; replaced: every value may be another one.
   constructor(presets, look, opensOn, changed) {
     this.presets = presets;
     this.look = look; // how a design is looked at to begin with
@@ -70,7 +82,7 @@ export class Store {
     this.settle();
     this.now = state;
     this.settle();
-    this.changed(this.now);
+    this.changed(this.now, false, true);
   }
 
   undo() {
@@ -88,26 +100,29 @@ export class Store {
     this.base = from.pop();
     this.now = JSON.parse(this.base);
     this.toAddress();
-    this.changed(this.now, true);
+    this.changed(this.now, true, true);
   }
+
+  // Whether the specification is no longer its preset's.
+  get different() { return differing(flat(this.now.spec), flat(this.presets[this.now.preset])).length > 0; }
 
   // --- the address: the preset, then every key that differs from it ---
 
   toAddress() {
     const parts = [this.now.preset];
-    const own = flat({ ...this.now.spec, look: this.now.look, limits: this.now.limits });
+    const { spec, look, limits } = this.now;
+    const own = flat({ ...spec, look, limits: { ...spec.limits, ...limits } });
     const preset = flat({ ...this.presets[this.now.preset], look: this.look });
-    for (const [key, value] of Object.entries(own)) {
-      if (JSON.stringify(value) !== JSON.stringify(preset[key])) parts.push(`${key}=${encode(value)}`);
-    }
-    for (const key of Object.keys(preset)) if (!(key in own)) parts.push(`${key}=`);
+    for (const key of differing(own, preset)) parts.push(`${key}=${key in own ? encode(own[key]) : ""}`);
     history.replaceState(null, "", `#${parts.join("&")}`);
   }
 
-  // Raises nothing: what cannot be read is left out, and the server says what is wrong with the rest.
-  fromAddress() {
+  // Raises nothing: what cannot be read is left out, as is what `refused` has words for, which are returned; the server says
+  // what is wrong with the rest. null: the address holds no design.   later: the page has a design, which undo brings back.
+  fromAddress(refused, later = false) {
     const [preset, ...parts] = location.hash.slice(1).split("&");
-    if (!preset) return false;
+    if (!preset) return null;
+    const left = [];
     const state = this.fresh(preset in this.presets ? preset : this.opensOn);
     for (const part of parts) {
       const cut = part.indexOf("=");
@@ -115,16 +130,25 @@ export class Store {
       const key = part.slice(0, cut);
       if (!/^[A-Za-z0-9_.-]+$/.test(key) || /(^|\.)(__proto__|constructor|prototype)(\.|$)/.test(key)) continue;
       const value = decode(part.slice(cut + 1));
-      const home = /^(look|limits)\./.test(key) ? state : state.spec;
+      const words = /^look(\.|$)/.test(key) && value !== undefined && refused(key, value);
+      if (words) { left.push(words); continue; }
+      const home = /^look\.|^limits\.[^_]+$/.test(key) ? state : state.spec; // the specification's limits name their unit
       put(home, key, value);
     }
     if (!state.spec.horizontal.match || !Object.keys(state.spec.horizontal.match).length) delete state.spec.horizontal.match;
-    this.now = state;
-    this.base = JSON.stringify(state);
-    this.changed(this.now, true);
-    return true;
+    if (later) this.replace(state);
+    else {
+      this.now = state;
+      this.base = JSON.stringify(state);
+      this.changed(this.now, true, true);
+    }
+    return left;
   }
 }
+
+// Keys whose values are not the same in both.
+const differing = (own, preset) => [...Object.keys(own).filter((key) => JSON.stringify(own[key]) !== JSON.stringify(preset[key])),
+  ...Object.keys(preset).filter((key) => !(key in own))];
 
 const encode = (value) => (typeof value === "string" && !/^[-+0-9.[{"tfn]/.test(value) ? encodeURIComponent(value)
   : encodeURIComponent(JSON.stringify(value)).replaceAll("%2C", ",").replaceAll("%5B", "[").replaceAll("%5D", "]"));

@@ -3,6 +3,7 @@
 const MAGIC = 0x3153434d; // "MCS1"
 const MOST_IN_FLIGHT = 2;
 const RETRY_MS = [150, 300, 600, 1000, 2000];
+export const SILENT = "the studio's server does not answer";
 
 export class Wire {
   constructor(handlers) {
@@ -92,8 +93,17 @@ export function unpack(buffer) {
   return header;
 }
 
+const sent = (path, body) => fetch(path, { method: "POST", body }).catch(() => { throw new Error(SILENT); });
+
+export async function postForFile(path, body) {
+  const answer = await sent(path, body);
+  if (answer.ok) return answer.blob();
+  const { faults } = await answer.json().catch(() => ({ faults: [`the server answered ${answer.status}`] }));
+  throw new Faults(faults);
+}
+
 export async function post(path, body) {
-  const answer = await fetch(path, { method: "POST", body });
+  const answer = await sent(path, body);
   const content = await answer.json().catch(() => ({ faults: [`the server answered ${answer.status}`] }));
   if (content.faults) throw new Faults(content.faults);
   return content;

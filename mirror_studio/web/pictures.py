@@ -1,0 +1,50 @@
+"""A design and how it is looked at in; the picture on the plane as the page shows it, finely, as PNG out."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+
+from mirror_cad.spec import MirrorSpec
+from mirror_studio.web.engine import FINE_SAMPLES, _own_turn, designed, eyes_of
+from mirror_studio.web.protocol import LARGEST_PICTURE, Look
+from mirror_studio.web.turned import Turn
+from raytrace.camera import Frame
+from raytrace.image import driver_view
+from raytrace.reflector import Reflector
+
+GAP = 12  # pixels of white between two pictures
+WHITE = 255
+SMALLEST_PICTURE = 16  # pixels, as a specification may ask for
+
+
+def driver_picture(spec: MirrorSpec, look: Look, own: Reflector | None) -> bytes:
+    """The design turned as `look` has it, seen by one eye or both, beside the own mirror if there is one.
+
+    The design's pictures are spec.view.width_px wide, the own mirror's of the same scale; where that would be wider than a
+    picture may be, all are smaller. Raises: MirrorError.
+    """
+    from PIL import Image
+
+    one = designed(spec)
+    turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
+    scene = one.setting.scene(one.picture, spec)
+    seen = [(one.reflector, turn, one.mirror.box)]
+    if own is not None:
+        seen.append((own, *_own_turn(one, turn, own)))
+    wide = {box: Frame.around(box, 1).pixel for _, _, box in seen}  # mm
+    pixel = max(wide[one.mirror.box] / spec.view.width_px, max(wide.values()) / LARGEST_PICTURE)
+    views = [driver_view(reflector, each.to_mirror(eye), each.seen_by(scene),
+                         Frame.around(box, max(SMALLEST_PICTURE, round(wide[box] / pixel))), None, FINE_SAMPLES)[0]
+             for reflector, each, box in seen for eye in eyes_of(one.setting.eye, look)]
+    height = max(view.shape[0] for view in views)
+    width = sum(view.shape[1] for view in views) + GAP * (len(views) - 1)
+    sheet, left = np.full((height, width, 3), WHITE, dtype=np.uint8), 0
+    for view in views:
+        sheet[:view.shape[0], left:left + view.shape[1]] = view
+        left += view.shape[1] + GAP
+    stream = io.BytesIO()
+    Image.fromarray(sheet).save(stream, format="PNG", compress_level=4)
+    return stream.getvalue()
