@@ -103,8 +103,11 @@ export class Store {
     this.changed(this.now, true, true);
   }
 
-  // Whether the specification is no longer its preset's.
-  get different() { return differing(flat(this.now.spec), flat(this.presets[this.now.preset])).length > 0; }
+  // Whether the specification is no longer its preset's; what it must meet is no part of that.
+  get different() {
+    const [own, preset] = [this.now.spec, this.presets[this.now.preset]].map(({ limits, ...rest }) => flat(rest));
+    return differing(own, preset).length > 0;
+  }
 
   // --- the address: the preset, then every key that differs from it ---
 
