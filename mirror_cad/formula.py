@@ -49,7 +49,8 @@ def parse_formula(text: str) -> Formula:
         tree = ast.parse(text.strip(), mode="eval")
         _check(tree.body)
     except (SyntaxError, ValueError) as error:
-        raise SpecError(f"the formula {text!r} cannot be read: {error}; it may hold {_KNOWN}") from None
+        why = error.msg if isinstance(error, SyntaxError) else error  # without the parser's line: a formula has one
+        raise SpecError(f"the formula {text!r} cannot be read: {why}; it may hold {_KNOWN}") from None
     except (RecursionError, MemoryError):
         raise SpecError("the formula is nested too deeply: write it with fewer brackets") from None
 

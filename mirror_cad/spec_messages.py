@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import re
 import unicodedata
 from typing import Any, get_args
 
@@ -23,7 +22,6 @@ _PLAIN_TYPES = {
 
 # Control, format (such as those that turn the direction of writing), surrogate and unassigned; separators of lines.
 _UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
-_PARSER_PLACE = re.compile(r" \(<unknown>, line \d+\)")  # of a formula, which has one line
 
 
 def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
@@ -32,7 +30,7 @@ def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
     Of what it repeats, a character that cannot be seen is shown as �.
     """
     return "".join("\ufffd" if unicodedata.category(letter) in _UNSEEN else letter
-                   for letter in _PARSER_PLACE.sub("", _sentence(detail, raw, root)))
+                   for letter in _sentence(detail, raw, root))
 
 
 def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MESH_KINDS = (".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
-PART_KINDS = (".obj", ".ply", ".off", ".3mf", ".stl")  # glTF's materials are read by `raytrace.scene.gltf`
 MOST_TRIANGLES = 20_000_000  # some 3 GB in Embree
 # The lengths that glTF (always metres) and 3MF (in its header) are written in; the other formats know none.
 MM_PER_UNIT = {"micron": 1e-3, "millimeter": 1.0, "millimeters": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8,

@@ -181,14 +181,15 @@ GROUPS = (
 
 def controls() -> list[dict[str, Any]]:
     """All groups as JSON holds them."""
-    return [asdict(replace(group, controls=tuple(_bounded(control) for control in group.controls))) for group in GROUPS]
+    look = Look.model_json_schema()["properties"]
+    return [asdict(replace(group, controls=tuple(_bounded(control, look) for control in group.controls))) for group in GROUPS]
 
 
-def _bounded(control: Control) -> Control:
+def _bounded(control: Control, look: dict[str, Any]) -> Control:
     """With the limits that a message's look has for the key; one step inside where the limit itself is refused."""
     section, _, name = control.key.partition(".")
     if section != "look" or control.kind != "number":
         return control
-    limits = Look.model_json_schema()["properties"][name]
+    limits = look[name]
     least = limits["minimum"] if "minimum" in limits else limits["exclusiveMinimum"] + control.step
     return replace(control, least=least, most=limits["maximum"])

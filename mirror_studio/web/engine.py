@@ -175,9 +175,7 @@ def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None
     middle = time.perf_counter()
     scene = one.setting.scene(one.picture, spec)
     samples, quality = (FINE_SAMPLES, FINE_QUALITY) if fine else (QUICK_SAMPLES, QUICK_QUALITY)
-    seen = [(one.reflector, turn, one.mirror.box)]
-    if own is not None:
-        seen.append((own, *_own_turn(one, turn, own)))
+    seen = mirrors_in_view(one, turn, own)
     width, height = (look.width, look.height) if fine else map(min, (look.width, look.height), QUICK_ROOM)
     layout, framed = laid_out([box for _, _, box in seen], len(eyes), width, height)
     pictures, frames = {}, dict(zip(("picture", "own"), framed, strict=False))
@@ -263,7 +261,13 @@ def probe(one: Designed, look: Look, x: float, y: float, eye: int) -> dict[str, 
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def _own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
+def mirrors_in_view(one: Designed, turn: Turn, own: Reflector | None) -> list[tuple[Reflector, Turn, Box]]:
+    """The design, and the own mirror if there is one: how each stands, and its box."""
+    beside = [] if own is None else [(own, *own_turn(one, turn, own))]
+    return [(one.reflector, turn, one.mirror.box), *beside]
+
+
+def own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
     """How the other reflector stands and its box, as `show` says. Raises: TraceError where the eye's ray misses it."""
     from raytrace.errors import TraceError
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.web.engine import FINE_SAMPLES, _own_turn, designed, eyes_of
+from mirror_studio.web.engine import FINE_SAMPLES, designed, eyes_of, mirrors_in_view
 from mirror_studio.web.protocol import LARGEST_PICTURE, Look
 from mirror_studio.web.turned import Turn
 from raytrace.camera import Frame
@@ -31,9 +31,7 @@ def driver_picture(spec: MirrorSpec, look: Look, own: Reflector | None) -> bytes
     one = designed(spec)
     turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
     scene = one.setting.scene(one.picture, spec)
-    seen = [(one.reflector, turn, one.mirror.box)]
-    if own is not None:
-        seen.append((own, *_own_turn(one, turn, own)))
+    seen = mirrors_in_view(one, turn, own)
     wide = {box: Frame.around(box, 1).pixel for _, _, box in seen}  # mm
     pixel = max(wide[one.mirror.box] / spec.view.width_px, max(wide.values()) / LARGEST_PICTURE)
     views = [driver_view(reflector, each.to_mirror(eye), each.seen_by(scene),

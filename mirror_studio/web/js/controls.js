@@ -2,7 +2,7 @@
 
 import { el } from "./dom.js";
 import { bringIn, choose, save } from "./files.js";
-import { Limits } from "./limits.js";
+import { LookRanges } from "./ranges.js";
 import { FLAT, MOST_ROWS } from "./numbers.js";
 import { aimInWords } from "./road.js";
 import { get, put } from "./state.js";
@@ -14,7 +14,7 @@ export class Controls {
   // fail(problem, kind) says what is wrong, well(kind) that it is no more.
   constructor(groups, store, uploads, { fail, well }) {
     Object.assign(this, { store, uploads, fail, well });
-    this.limits = new Limits(groups);
+    this.ranges = new LookRanges(groups);
     this.typed = null; // the field in which something is being entered: it is left alone until that is done
     this.rows = [];
     this.groups = []; // those that are there for one view alone
@@ -51,7 +51,7 @@ export class Controls {
   }
 
   set(control, value) {
-    const { key } = control, refused = LOOK.test(key) && value !== undefined && this.limits.refused(key, value);
+    const { key } = control, refused = LOOK.test(key) && value !== undefined && this.ranges.refused(key, value);
     if (refused) { this.fail(new Error(refused), "entry"); return; }
     this.store.edit((now) => {
       if (LOOK.test(key)) { put(now, key, value); return; }

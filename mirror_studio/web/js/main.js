@@ -170,7 +170,10 @@ wire = new Wire({
   lost(reason) {
     find("#lost").textContent = reason ? `Connection closed: ${reason}. Connecting again …` : "The studio's server does not answer. Your work is kept here; connecting again …";
     find("#lost").hidden = false;
-    if (building) endBuild();
+    if (building) {
+      endBuild();
+      fail(new Error("the connection ended while files were being made: ask for them again"), "files");
+    }
   },
   shown(message, flight) {
     if (answer && message.id < answer.id) return;
@@ -337,7 +340,7 @@ find("#link").addEventListener("click", async () => {
 // Whether there was a design in the address; what is left out of it is said.
 function fromAddress(later) {
   well("link");
-  const left = store.fromAddress((key, value) => controls.limits.refused(key, value), later);
+  const left = store.fromAddress((key, value) => controls.ranges.refused(key, value), later);
   if (left?.length) fail(new Faults(left.map((words) => `left out of the link: ${words}`)), "link");
   return left !== null;
 }

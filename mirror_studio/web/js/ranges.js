@@ -5,7 +5,7 @@ import { between } from "./numbers.js";
 const CHOICES = { "look.view": ["picture", "road"], "look.eyes": ["one", "both"] };
 const LONGEST_NAME = 64;
 
-export class Limits {
+export class LookRanges {
   constructor(groups) {
     const controls = groups.flatMap((group) => group.controls).filter(({ key }) => key.startsWith("look."));
     this.controls = new Map(controls.map((control) => [control.key, control]));
