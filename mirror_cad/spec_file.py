@@ -7,13 +7,15 @@ import math
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_messages import sentence
+from mirror_cad.spec_messages import sentence, too_large
+
+Root = TypeVar("Root", bound=BaseModel)
 
 LARGEST_FILE = 10_000_000  # bytes: a specification is a page of text, a table of 100,000 rows a few megabytes
 
@@ -54,17 +56,26 @@ def read_toml(name_or_path: str | Path, own: Any, kind: str) -> tuple[dict[str, 
         return tomllib.loads(text), source, folder
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{source}: not TOML: {error}") from None
+    except ValueError:  # Python reads no whole number of more than 4,300 digits
+        raise SpecError(f"{source}: not TOML: a number with thousands of digits") from None
     except RecursionError:
         raise SpecError(f"{source}: nested too deeply to be a specification") from None
 
 
 def validate_spec(raw: dict[str, Any], source: str = "specification", folder: Path = Path(".")) -> MirrorSpec:
     """Check a specification given as nested dictionaries; file names in it are relative to `folder`."""
+    return validated(MirrorSpec, raw, source, folder)
+
+
+def validated(model: type[Root], raw: dict[str, Any], source: str, folder: Path) -> Root:
+    """Nested dictionaries as a root model has them. Raises: SpecError with a sentence for every fault."""
     try:
-        return MirrorSpec.model_validate(raw, context={"folder": folder})
+        return model.model_validate(raw, context={"folder": folder})
     except ValidationError as error:
         details = error.errors(include_url=False)
-        raise SpecError([f"{source}: {sentence(detail, raw, MirrorSpec)}" for detail in details]) from None
+        raise SpecError([f"{source}: {sentence(detail, raw, model)}" for detail in details]) from None
+    except OverflowError:
+        raise SpecError(f"{source}: {too_large(raw)}") from None
 
 
 def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:

@@ -20,8 +20,20 @@ _PLAIN_TYPES = {
 }
 
 
+LARGEST_WHOLE = 2**63  # what TOML promises to hold
 # Control, format (such as those that turn the direction of writing), surrogate and unassigned; separators of lines.
 _UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+
+
+def too_large(raw: Any, key: str = "") -> str:
+    """A sentence for the first whole number beyond what TOML holds, on some of which a validation breaks down; "" for none."""
+    if isinstance(raw, dict | list | tuple):
+        items = raw.items() if isinstance(raw, dict) else enumerate(raw)
+        return next((found for name, value in items if (found := too_large(value, f"{key}.{name}" if key else str(name)))), "")
+    if isinstance(raw, int) and abs(raw) > LARGEST_WHOLE:
+        digits = int(raw.bit_length() * 0.30103) + 1
+        return f"{key}: a whole number of about {digits} digits; no number of a mirror has more than 18"
+    return ""
 
 
 def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:

@@ -7,11 +7,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from mirror_cad.errors import SpecError
-from mirror_cad.spec_file import names_in, read_toml
-from mirror_cad.spec_messages import sentence
+from mirror_cad.spec_file import names_in, read_toml, validated
 from mirror_cad.spec_section import Number, Section
 
 DEFAULT = "motorway"
@@ -257,11 +255,7 @@ def load_scene(name_or_path: str | Path) -> SceneFile:
     """
     raw, source, folder = read_toml(name_or_path, _scenes(), "scene")
     raw.setdefault("name", Path(name_or_path).stem)
-    try:
-        return SceneFile.model_validate(raw, context={"folder": folder})
-    except ValidationError as error:
-        raise SpecError([f"{source}: {sentence(detail, raw, SceneFile)}"
-                         for detail in error.errors(include_url=False)]) from None
+    return validated(SceneFile, raw, source, folder)
 
 
 def _scenes() -> Any:

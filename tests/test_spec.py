@@ -147,3 +147,13 @@ def test_a_surface_that_ends_before_the_blank_is_made_as_far_as_it_exists() -> N
     mirror = mirror_cad.design(spec_of(constant(1250.0), constant(171.0)))
     assert mirror.surface.domain[3] < 171.0
     assert any("less than blank and margin ask for" in note for note in mirror.notes)
+
+
+@pytest.mark.parametrize(("digits", "says"), [(400, r"horizontal\.radius_mm: a whole number of about 40\d digits"),
+                                              (5000, "not TOML: a number with thousands of digits")])
+def test_whole_numbers_beyond_any_float_are_named(digits: int, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "huge.toml"
+    path.write_text(f'[horizontal]\nlaw = "constant"\nradius_mm = {"9" * digits}\n'
+                    '[vertical]\nlaw = "constant"\nradius_mm = 1000\n')
+    with pytest.raises(mirror_cad.SpecError, match=says):
+        mirror_cad.spec_file.load_spec(path)
