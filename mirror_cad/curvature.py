@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from mirror_cad.errors import SpecError
 from mirror_cad.formula import parse_formula
-from mirror_cad.piecewise import PiecewiseChebyshev, approximate
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ LARGEST_CURVATURE = 1.0  # 1/mm: a pole in a formula passes it at once, a radius
 # A piece of the series narrower than this marks a kink or jump that the law's text does not announce (an expression
 # with min or max, say): halving stops there at some 1e-4 mm, and nothing smooth needs pieces of less than 0.01 mm.
 HIDDEN_BREAK_MM = 5e-3
-MOST_ANNOUNCED = 1000
+MAX_ANNOUNCED = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class CurvatureLaw:
             return kappa
 
         # Beyond so many, the soft ones (a long table's nodes) are found where they matter, and cost nothing where not.
-        few = len(self.breaks) <= MOST_ANNOUNCED
+        few = len(self.breaks) <= MAX_ANNOUNCED
         inner = sorted(b.x_mm for b in self.breaks if x_min < b.x_mm < x_max and (few or b.smoothness < 2))
         return approximate(checked, [x_min, *inner, x_max])
 
@@ -162,7 +162,7 @@ def expression(formula: str, span: Span, of: str) -> CurvatureLaw:
     return CurvatureLaw(kappa, (Break(span.left_mm, 0), Break(span.right_mm, 0)), f"expression law {formula!r}")
 
 
-def eased_beyond(law: CurvatureLaw, x_min: float, x_max: float, largest: float) -> CurvatureLaw:
+def smooth_extrapolation(law: CurvatureLaw, x_min: float, x_max: float, largest: float) -> CurvatureLaw:
     """The law as it is on [x_min, x_max], continued beyond without a kink: κ, κ′ and κ″ go on and level off.
 
     κ(e + d) = κ(e) + κ′·L·tanh(d/L) + κ″/2·(L·tanh(d/L))², with the one-sided derivatives at the edge e and L a

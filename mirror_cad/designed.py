@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirror_cad.differential import ShapeOperator, principal_curvatures_of, rms_norm
 from mirror_cad.grid import Grid
 from mirror_cad.outline import Outline
-from mirror_cad.piecewise import PiecewiseChebyshev
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, rms_norm
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 
 Array = NDArray[np.float64]
 

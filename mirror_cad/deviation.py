@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.designed import FLOOR, DesignedCurvature, percent_scale
-from mirror_cad.differential import (
+from mirror_cad.grid import Grid
+from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.outline import Outline
+from mirror_cad.sections import DecoupledSag, Sag, SagDerivatives
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import (
     ShapeOperator,
     mean_curvature_and_difference,
     normals,
@@ -20,10 +24,6 @@ from mirror_cad.differential import (
     shape_operator,
     shape_operator_of_sag,
 )
-from mirror_cad.grid import Grid
-from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.outline import Outline
-from mirror_cad.sections import DecoupledSag, Sag, SagDerivatives
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.outline import Outline
+from mirror_cad.surfaces.bspline import BSplineSurface
 
 Array = NDArray[np.float64]
 

@@ -11,30 +11,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad import fit as fitting
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.curvature import CurvatureLaw, Span, eased_beyond
+from mirror_cad.curvature import CurvatureLaw, Span, smooth_extrapolation
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.deviation import CurvatureDeviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
-from mirror_cad.faithful import REST_GAINED, Faithful, closest_surface
-from mirror_cad.fit import Fit, FitTask
 from mirror_cad.laws import law_from, solve_match
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.offset import offset_surface
 from mirror_cad.outline import Outline, truck_outline
 from mirror_cad.profile import (
     check_profile,
     circle_section_fov,
     existing_interval,
     integrate_exactly,
-    march,
+    integrate_ode,
     section_fov,
     sine_of_tangent_angle,
 )
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_laws import TableLaw
+from mirror_cad.surfaces import fit as fitting
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
+from mirror_cad.surfaces.fit import Fit, FitTask
+from mirror_cad.surfaces.offset import offset_surface
 
 if TYPE_CHECKING:
     from mirror_cad.occt.solid import Plate
@@ -152,7 +152,7 @@ class Mirror:
 
     def grid_points(self, pitch_mm: float = 5.0) -> Array:
         """x, y, z, nx, ny, nz on a regular grid inside the outline, (n, 6); the grid holds the origin."""
-        from mirror_cad.differential import normals
+        from mirror_cad.surfaces.differential import normals
 
         x_min, x_max, y_min, y_max = self.box
         x, y = np.meshgrid(pitch_mm * np.arange(np.ceil(x_min / pitch_mm), x_max / pitch_mm + 1e-9),
@@ -229,7 +229,7 @@ def design(spec: MirrorSpec) -> Mirror:
     surface_spec = spec.surface
     profile = exact_profile
     if surface_spec.integration != "quadrature":
-        profile = march(kappa, exact_profile, surface_spec.integration, surface_spec.step_mm or 1.0)
+        profile = integrate_ode(kappa, exact_profile, surface_spec.integration, surface_spec.step_mm or 1.0)
     exact = DecoupledSag(exact_profile, kappa_2)
     designed = DesignedCurvature(kappa, kappa_2)
     breaks = horizontal.all_breaks(kappa), vertical.all_breaks(kappa_2)
@@ -262,7 +262,7 @@ def design(spec: MirrorSpec) -> Mirror:
 _truck_outline = lru_cache(maxsize=8)(truck_outline)
 _solved = lru_cache(maxsize=8)(solve_match)
 _law = lru_cache(maxsize=16)(law_from)
-_eased = lru_cache(maxsize=8)(eased_beyond)
+_eased = lru_cache(maxsize=8)(smooth_extrapolation)
 _series = lru_cache(maxsize=32)(CurvatureLaw.series)
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import FileError
+from mirror_cad.surfaces.bspline import BSplineSurface
 
 _TOKEN = re.compile(r"""\s*(?:(?P<string>'(?:[^']|'')*')|(?P<number>[-+]?\d[\d.]*(?:[eE][-+]?\d+)?)|(?P<ref>\#\d+)
                         |(?P<enum>\.[A-Z_0-9]+\.)|(?P<word>[A-Za-z_][A-Za-z_0-9]*)|(?P<mark>[(),$*=]))""", re.VERBOSE)

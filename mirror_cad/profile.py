@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mirror_cad.errors import ProfileError
-from mirror_cad.piecewise import PiecewiseChebyshev, approximate
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -99,7 +99,7 @@ def integrate_exactly(sine: PiecewiseChebyshev, kappa: PiecewiseChebyshev) -> Pr
     return Profile(height, slope, bend, x_min, x_max, "quadrature", len(series.coefficients))
 
 
-def march(kappa: PiecewiseChebyshev, exact: Profile, method: str, step_mm: float) -> Profile:
+def integrate_ode(kappa: PiecewiseChebyshev, exact: Profile, method: str, step_mm: float) -> Profile:
     """The paper's way: g' = −κ·(1 + g²)^(3/2), z' = g in steps of −h from the right end, where the exact profile lends
     height and slope. The points are joined by the interpolating quintic spline.
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import ProfileError
-from mirror_cad.piecewise import PiecewiseChebyshev
 from mirror_cad.profile import STEEPEST_SINE, Profile
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 
 Array = NDArray[np.float64]
 

@@ -47,7 +47,7 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
         from mirror_studio.report.pdf import check_pdf
 
         check_pdf()
-    from mirror_studio.pipeline import build as run
+    from mirror_studio.build.pipeline import build as run
 
     built = run(loaded, out or Path("exports") / loaded.name, Progress(), pdf)
     return _finish(built.metrics, built.missed, json)
@@ -56,7 +56,7 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
 @app.command
 def paper(*, out: Out = None, json: Json = False) -> int:
     """Reproduce the paper: six mirrors, figures 5 and 6, table 1 and a page of it all (default: exports/paper)."""
-    from mirror_studio.paper import build_paper
+    from mirror_studio.build.paper import build_paper
     from mirror_studio.progress import Progress
 
     table, missed = build_paper(out or Path("exports/paper"), Progress())
@@ -84,7 +84,7 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None,
     from mirror_studio.progress import Progress
 
     lent = load_spec(scene or "progressive-c")
-    from mirror_studio.pipeline import trace_file
+    from mirror_studio.build.pipeline import trace_file
 
     metrics = trace_file(file, lent, out or Path("exports") / f"{file.stem}-trace", Progress(), _chosen_face(face), normals)
     return _finish(metrics, (), json)

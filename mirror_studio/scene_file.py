@@ -13,7 +13,7 @@ from mirror_cad.spec_file import names_in, read_toml, validated
 from mirror_cad.spec_section import Number, Section
 
 DEFAULT = "motorway"
-MOST_OBJECTS = 2_000  # with their repetitions: a street of them, and still some seconds to build
+MAX_OBJECTS = 2_000  # with their repetitions: a street of them, and still some seconds to build
 
 Metres = Annotated[Number, Field(ge=-1e4, le=1e4)]
 Size = Annotated[Number, Field(gt=0, le=1e4)]
@@ -203,8 +203,8 @@ class SceneFile(Listed):
         if self.aim is not None and self.mirror.yaw_deg is not None:
             faults.append("[aim] and mirror.yaw_deg, pitch_deg cannot both be given: the aim is what solves them")
         count = len(self.vehicle) + sum(each.count for each in self.object)
-        if count > MOST_OBJECTS:
-            faults.append(f"{count} bodies are too many (at most {MOST_OBJECTS})")
+        if count > MAX_OBJECTS:
+            faults.append(f"{count} bodies are too many (at most {MAX_OBJECTS})")
         names = [each.name for each in self.vehicle]
         every = names + [each.name for each in self.object if each.name]
         twice = sorted({name for name in every if every.count(name) > 1})

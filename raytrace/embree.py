@@ -9,8 +9,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace import facets
-from raytrace.parallel import in_runs
+from raytrace.kernels import facets
+from raytrace.parallel import parallel_for
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class TriangleScene:
         starts, rays = _rays(origins, directions)
         n = len(rays)
         out = Hits(np.empty(n), np.empty(n, dtype=np.int32), np.empty(n), np.empty(n))
-        in_runs(lambda start, stop: self._chunk(slice(start, stop), starts, rays, out), n)
+        parallel_for(lambda start, stop: self._chunk(slice(start, stop), starts, rays, out), n)
         return out
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
@@ -93,7 +93,7 @@ class TriangleScene:
             ends = self._cast(slice(start, stop), starts, rays)
             np.greater_equal(self._scene.run(ends[0], ends[1], query="OCCLUDED"), 0, out=out[start:stop])
 
-        in_runs(work, len(rays))
+        parallel_for(work, len(rays))
         return out
 
     def _chunk(self, part: slice, origins: Array, directions: Array, out: Hits) -> None:

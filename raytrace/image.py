@@ -13,11 +13,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from raytrace.camera import Camera, Frame
-from raytrace.parallel import in_runs
+from raytrace.parallel import parallel_for
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, landed
 from raytrace.trace import Status, Trace, reflect
+from raytrace.viewing.camera import Camera, Frame
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: N
         with lock:
             counts.update(trace.counts())
 
-    in_runs(work, len(pixels), max(1, RAYS_AT_ONCE // per_pixel), lambda done: report(done / len(pixels)))
+    parallel_for(work, len(pixels), max(1, RAYS_AT_ONCE // per_pixel), lambda done: report(done / len(pixels)))
     return counts
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MESH_KINDS = (".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
-MOST_TRIANGLES = 20_000_000  # some 3 GB in Embree
+MAX_TRIANGLES = 20_000_000  # some 3 GB in Embree
 # The lengths that glTF (always metres) and 3MF (in its header) are written in; the other formats know none.
 MM_PER_UNIT = {"micron": 1e-3, "millimeter": 1.0, "millimeters": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8,
                "meter": 1000.0, "meters": 1000.0}
@@ -36,13 +36,13 @@ def read_mesh(path: Path) -> SurfaceMesh:
     OBJ, PLY and OFF have no unit: their numbers are mm. glTF's are metres by its standard, with y up; 3MF names its unit.
     Equal places become one vertex, so that normals can be interpolated across; polygons are cut into triangles. STL files
     are read by `mirror_cad.occt.tessellate.read_stl`.
-    Raises: FileError for a file that is missing or broken, holds no triangles or more than MOST_TRIANGLES, or has vertices
+    Raises: FileError for a file that is missing or broken, holds no triangles or more than MAX_TRIANGLES, or has vertices
     that are not finite or faces that name no vertex; TraceError for another kind of file.
     """
     kind = path.suffix.lower()
     if kind not in MESH_KINDS:
         raise TraceError(f"{path}: a mesh is read from {', '.join(MESH_KINDS)}, not from {kind or 'a file without ending'!r}")
-    placed, named = _loaded(path, kind, MOST_TRIANGLES, skip_materials=True)
+    placed, named = _loaded(path, kind, MAX_TRIANGLES, skip_materials=True)
     parts, unit = [mesh for mesh, _ in placed], named or 1.0
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
     vertices = np.concatenate([part.vertices for part in parts]) * unit

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 RUN = 16_384  # rays at most: some milliseconds of work, whose rays and results stay in a core's cache
-LEAST_RUN = 2_048  # rays that are worth another thread: some 0.2 ms of work against 0.05 ms to hand them over
+MIN_RUN = 2_048  # rays that are worth another thread: some 0.2 ms of work against 0.05 ms to hand them over
 THREADS = len(os.sched_getaffinity(0))
 PREFIX = "rays"
 _pools: list[ThreadPoolExecutor] = []  # none or one
 
 
-def in_runs(work: Callable[[int, int], None], n: int, run: int = RUN, done: Callable[[int], None] | None = None) -> None:
+def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done: Callable[[int], None] | None = None) -> None:
     """Call work(start, stop) for consecutive runs that cover 0 … n, on all cores; inside such a run, on its own core.
 
     done : called with the number of rays that are done, from the caller's thread. What it or a run raises is raised here,
@@ -23,7 +23,7 @@ def in_runs(work: Callable[[int, int], None], n: int, run: int = RUN, done: Call
     inside = threading.current_thread().name.startswith(PREFIX)
     cores = 1 if inside else THREADS
     rounds = max(1, -(-n // (cores * run)))  # as many runs for each core
-    size = min(run, max(LEAST_RUN, -(-n // (cores * rounds))))
+    size = min(run, max(MIN_RUN, -(-n // (cores * rounds))))
     starts = range(0, n, size)
     if len(starts) <= 1 or inside:
         for start in starts:

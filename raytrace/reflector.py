@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.embree import TriangleScene
 from raytrace.errors import TraceError
-from raytrace.patches import HeightField, Patches
-from raytrace.quadrics import TrimmedQuadric
-from raytrace.rim import Curve, rim_of
-from raytrace.trimming import Trimming
+from raytrace.surfaces.patches import HeightField, Patches
+from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.surfaces.rim import Curve, rim_of
+from raytrace.surfaces.trimming import Trimming
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
@@ -32,7 +32,7 @@ OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"
 GLASS_INDEX = 1.52  # float glass, at the helium d line
 START_GRID = 48  # cells a direction of the coarse mesh that Newton starts from
-LEAST_IN_SPAN = 3
+MIN_IN_SPAN = 3
 SHELL = 2.0  # times the distance between facets and surface: what is between the places looked at is less than twice as much
 TRIM_CHORD_MM = 1e-5  # of the polygon for a mirror's own outline
 
@@ -136,7 +136,7 @@ class TrimmedSurface:
 def _start_grid(knots: Array, low: float, high: float) -> Array:
     """Twice START_GRID cells or more between low and high, with ends at the knots and as many in every span."""
     ends = np.concatenate([[low], np.unique(knots[(knots > low) & (knots < high)]), [high]])
-    parts = max(-(-START_GRID // (len(ends) - 1)), LEAST_IN_SPAN)
+    parts = max(-(-START_GRID // (len(ends) - 1)), MIN_IN_SPAN)
     inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(2 * parts) / (2 * parts)
     return np.append(inner.ravel(), high)
 
@@ -199,7 +199,7 @@ class Reflector:
         return Reflector((self.surfaces[0].untrimmed(),), glass=glass)
 
     @cached_property
-    def bare_sheet(self) -> Reflector:
+    def uncoated(self) -> Reflector:
         """The same without glass before it."""
         return self.sheet if self.glass is None else replace(self.sheet, glass=None)
 
@@ -218,7 +218,7 @@ class Reflector:
     @cached_property
     def corner_normals(self) -> Array:
         """Normals of the mesh at its facets' corners, (m, 3, 3)."""
-        from raytrace.mesh_normals import corner_normals
+        from raytrace.kernels.mesh_normals import corner_normals
 
         assert self.mesh is not None  # asked for only where there is a mesh
         return corner_normals(self.mesh)

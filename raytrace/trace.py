@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace import newton
 from raytrace.errors import TraceError
-from raytrace.parallel import in_runs
-from raytrace.quadrics import TrimmedQuadric
+from raytrace.kernels import newton
+from raytrace.parallel import parallel_for
 from raytrace.reflector import Reflector, TrimmedSurface
+from raytrace.surfaces.quadric import TrimmedQuadric
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 # An obstacle counts as in front of the mirror only by more than its own mesh error.
 OBSTACLE_MARGIN_MM = 0.2
-MOST_CROSSINGS = 400  # start meshes of surfaces that a ray may pass on its way
+MAX_CROSSINGS = 400  # start meshes of surfaces that a ray may pass on its way
 STEP_ON = 1e-5  # of a surface's size: how far behind a start mesh a ray goes on; Embree's float32 knows it to 1e-7
 # Rays searched for at once: the working arrays are some 300 bytes a ray.
 SEARCHED = 200_000
@@ -94,7 +94,7 @@ def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out
     origins : (3,) for one eye, or (n, 3), mm.   directions : (n, 3), any length.   out : a Trace of n rays to reuse.
     On surfaces points and normals are float64 and exact but for rounding; on meshes they are those of the facets. A place
     nearer than 1e-6 mm to the ray's origin is not met, so that rays may start on the surface.
-    With glass before it, see `raytrace.glass.trace_through`.
+    With glass before it, see `raytrace.surfaces.plate.trace_through`.
     Raises: TraceError for arrays of other shapes or that are no real numbers.
     """
     eye, rays = _checked(origins, directions)
@@ -112,7 +112,7 @@ def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out
         if out.normals_from != "surface":
             out = replace(out, normals_from="surface")
     if reflector.glass is not None:
-        from raytrace.glass import trace_through
+        from raytrace.surfaces.plate import trace_through
 
         out = trace_through(reflector.glass.front, reflector.surfaces[0], reflector.glass.index, eye, rays, out)
     elif reflector.mesh is not None:
@@ -153,7 +153,7 @@ def _some(eye: Array, index: Index) -> Array:
 def _units(eye: Array, rays: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Origins (n, 3), unit directions, and which rays are usable; the others get an origin and a direction that are."""
     units, valid = np.empty_like(rays), np.empty(len(rays), dtype=np.bool_)
-    in_runs(lambda i, j: newton.unit_directions(rays[i:j], units[i:j], valid[i:j]), len(rays))
+    parallel_for(lambda i, j: newton.unit_directions(rays[i:j], units[i:j], valid[i:j]), len(rays))
     finite: Mask = np.asarray(np.isfinite(eye).all(axis=1))
     valid &= finite
     return np.broadcast_to(np.where(finite[:, None], eye, 0.0), rays.shape), units, valid
@@ -221,7 +221,7 @@ def _meet_quadrics(surfaces: tuple[TrimmedQuadric, ...], eye: Array, rays: Array
             surface.meet(number == 0, origins if origins.size == 3 else origins[three], units.ravel(), valid, found.status[i:j],
                          points[three], normals[three], reflected[three], found.distances[i:j])
 
-    in_runs(work, len(rays))
+    parallel_for(work, len(rays))
 
 
 def _meet_spline(surface: TrimmedSurface, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
@@ -234,7 +234,7 @@ def _meet_spline(surface: TrimmedSurface, origins: Array, units: Array, waiting:
     lost = np.zeros(len(units), dtype=np.bool_)
     # Whether a ray has gone through the start mesh on either side, since Newton first did not converge.
     one_side, other_side = np.zeros(len(units), dtype=np.bool_), np.zeros(len(units), dtype=np.bool_)
-    for _ in range(MOST_CROSSINGS):
+    for _ in range(MAX_CROSSINGS):
         hits = surface.start_scene.first_hits(origins[waiting] + passed[waiting, None] * units[waiting], units[waiting])
         far = passed[waiting] + hits.distance
         going = (hits.triangle >= 0) & ~(far > found.distances[waiting])
@@ -279,7 +279,7 @@ def _run(kernel: object, eye: Array, rays: Array, out: Trace, ends: bool = False
         kernel(*((i, j) if ends else ()), origins if origins.size == 3 else origins[three], directions[three],  # type: ignore[operator]
                out.status[i:j], points[three], normals[three], reflected[three], out.distances[i:j])
 
-    in_runs(work, len(rays))
+    parallel_for(work, len(rays))
 
 
 # --- meshes and obstacles ---------------------------------------------------------------------------------------------
@@ -294,7 +294,7 @@ def _on_mesh(reflector: Reflector, eye: Array, rays: Array) -> Trace:
     if reflector.normals == "facets":
         normals = reflector.facet_normals[np.maximum(hits.triangle, 0)]
     else:
-        from raytrace.mesh_normals import interpolated_normals
+        from raytrace.kernels.mesh_normals import interpolated_normals
 
         normals = interpolated_normals(reflector.corner_normals, hits.triangle, hits.u, hits.v)
     along = np.einsum("ij,ij->i", units, normals)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirror_cad.bspline import BSplineSurface
+from mirror_cad.surfaces.bspline import BSplineSurface
 
 Long = np.longdouble
 ARCSEC = np.degrees(1.0) * 3600.0

@@ -13,17 +13,17 @@ import mirror_cad
 from raytrace.measures.angular_size import ARCMIN, AngularSize, Face, angular_sizes
 from raytrace.measures.grid_distortion import grid_distortion
 from raytrace.measures.magnification import ray_differentials
-from raytrace.pose import Pose
 from raytrace.reflector import Reflector
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
 from tests.conftest import constant, spec_of
 from tests.test_both_eyes import LEVEL, RADIUS, UPRIGHT, LevelSphere
 from tests.test_magnification import EYE, POSE, flat_mesh, quadric, spline
 
 Array = NDArray[np.float64]
 
-OWN = OwnVehicle(870.0, 0.0, 3900.0, 2200.0)
+OWN = HostVehicle(870.0, 0.0, 3900.0, 2200.0)
 CAR = Face(1800.0, 1500.0, -3500.0)
 
 
@@ -77,7 +77,7 @@ def test_the_size_over_that_in_a_flat_mirror_is_the_magnification_at_that_distan
     small = Face(20.0, 1500.0, -3500.0)
     (size,) = angular_sizes(view, replace(small, height_mm=1500.0), (20_000.0,))
     places, _ = view.find(np.array([[20_000.0, -3500.0, 750.0]]))
-    start = view.sight(places).points[0]
+    start = view.trace(places).points[0]
     found = ray_differentials(view, places).at(float(np.linalg.norm([20_000.0, -3500.0, 750.0] - start)))
     assert size.mirror is not None
     assert size.flat is not None
@@ -89,7 +89,7 @@ def test_the_size_over_that_in_a_flat_mirror_is_the_magnification_at_that_distan
 def test_a_vehicle_that_is_not_wholly_shown_has_no_size_in_the_mirror() -> None:
     view = View(spline("progressive-c"), POSE, EYE)
 
-    def shown(face: Face, own: OwnVehicle | None = None) -> AngularSize:
+    def shown(face: Face, own: HostVehicle | None = None) -> AngularSize:
         return angular_sizes(view, face, (20_000.0,), own)[0]
 
     assert shown(CAR, OWN).mirror is not None
@@ -132,7 +132,7 @@ def test_nodes_are_seen_where_the_view_finds_them_and_their_lines_are_rows_and_c
     found = grid_distortion(view)
     assert np.diff(found.azimuth_deg) == pytest.approx(1.0)
     assert np.diff(found.elevation_deg) == pytest.approx(1.0)
-    sight = view.sight(found.places[found.shown])
+    sight = view.trace(found.places[found.shown])
     assert sight.seen.all()
     azimuth, elevation = np.meshgrid(found.azimuth_deg, found.elevation_deg)
     ways = sight.directions

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from mirror_cad import curvature
-from mirror_cad.collocation import collocate_height, knot_vector
 from mirror_cad.curvature import Span
-from mirror_cad.differential import principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.occt import peers
-from mirror_cad.profile import march
+from mirror_cad.profile import integrate_ode
 from mirror_cad.sections import DecoupledSag
+from mirror_cad.surfaces.collocation import collocate_height, knot_vector
+from mirror_cad.surfaces.differential import principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_studio.bench import evaluation, integrators, measuring, surfaces, tessellation
 from mirror_studio.bench.integrators import Case
 from mirror_studio.bench.measuring import convergence
@@ -31,7 +31,7 @@ def case_of(formula: str) -> Case:
 
 def orders_of(method: str, case: Case, steps: tuple[float, ...]) -> tuple[float, float]:
     """Observed orders in height and in curvature."""
-    profiles = [march(case.kappa, case.exact, integrators.MARCHED[method], integrators.equal_step(h)) for h in steps]
+    profiles = [integrate_ode(case.kappa, case.exact, integrators.MARCHED[method], integrators.equal_step(h)) for h in steps]
     h = [integrators.equal_step(step) for step in steps]
     height = convergence(h, [case.height_error_mm(p) for p in profiles]).order
     bend = convergence(h, [case.curvature_error_percent(p) for p in profiles]).order
@@ -63,7 +63,7 @@ def test_explicit_euler_realises_curvature_one_step_late(smooth: Case) -> None:
     """Measured over predicted h·max|Rx′|/Rx. What is left out is the slope's lag, κ·tan θ at most a hundredth of Rx′/Rx
     where that is largest, and the next order, half a percent at 0.25 mm; the two partly cancel."""
     step = 0.25
-    measured = smooth.curvature_error_percent(march(smooth.kappa, smooth.exact, "euler", step))
+    measured = smooth.curvature_error_percent(integrate_ode(smooth.kappa, smooth.exact, "euler", step))
     assert measured == pytest.approx(smooth.predicted_percent(integrators.EULER, step), rel=0.01)
 
 
@@ -72,7 +72,7 @@ def test_semi_implicit_euler_is_of_order_one_by_its_slope(smooth: Case) -> None:
     1 % at 1 mm."""
     steps = (1.0, 0.5, 0.25)
     assert orders_of(integrators.SEMI_IMPLICIT, smooth, steps) == pytest.approx((1.0, 1.0), abs=FIRST_ORDER)
-    measured = smooth.curvature_error_percent(march(smooth.kappa, smooth.exact, "semi-implicit", 0.25))
+    measured = smooth.curvature_error_percent(integrate_ode(smooth.kappa, smooth.exact, "semi-implicit", 0.25))
     assert measured == pytest.approx(smooth.predicted_percent(integrators.SEMI_IMPLICIT, 0.25), rel=0.01)
 
 

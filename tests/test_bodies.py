@@ -299,7 +299,7 @@ def test_a_town_gets_no_contact_shadow_and_a_mesh_of_many_vertices_is_not_baked(
     town = body_of(np.stack([x, y, 300.0 + 2e4 * np.sin(x / 3e4) ** 2], axis=1), faces, GRAY)
     assert town.contact is None
     assert town.sky.min() < 0.9
-    monkeypatch.setattr(bodies, "MOST_SHADED", 100)
+    monkeypatch.setattr(bodies, "MAX_SHADED", 100)
     assert (body_of(np.stack([x, y, 2e4 * np.sin(x / 3e4) ** 2], axis=1), faces, GRAY).sky == 1.0).all()
 
 
@@ -435,7 +435,7 @@ def test_ten_million_triangles_are_refused_before_they_are_read(tmp_path: Path) 
 
 
 def test_too_many_triangles_of_a_gltf_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bodies, "MOST_TRIANGLES", 40)
+    monkeypatch.setattr(bodies, "MAX_TRIANGLES", 40)
     with pytest.raises(FileError, match="48 triangles are more than 40: reduce the mesh"):
         read_body(simple(tmp_path / "car.glb"))
 

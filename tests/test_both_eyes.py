@@ -13,16 +13,16 @@ from scipy.optimize import brentq
 import mirror_cad
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
-from raytrace.eye import eye_position
 from raytrace.measures.disparity import disparity
 from raytrace.measures.eye_fields import EyeField, extent, eye_fields
-from raytrace.measures.eye_views import EyeViews
 from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
 from raytrace.measures.magnification import frame, places_over, ray_differentials
-from raytrace.pose import Pose
 from raytrace.reflector import Glass, Reflector, TrimmedSurface, load_reflector
-from raytrace.vehicle import Eyes, OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.eye import eye_position
+from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes, HostVehicle
+from raytrace.viewing.view import View
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import cap
 from tests.test_glass import sheets
@@ -31,7 +31,7 @@ from tests.test_magnification import EYE, POSE, quadric, spline
 Array = NDArray[np.float64]
 
 EYES = Eyes(EYE)
-OWN = OwnVehicle(870.0, 0.0, 3900.0, 2200.0)
+OWN = HostVehicle(870.0, 0.0, 3900.0, 2200.0)
 LEVEL = Eyes(np.array([0.0, -490.0, 1760.0]))  # at the height of the mirror's middle
 UPRIGHT = replace(POSE, pitch=0.0)
 RADIUS = 950.0
@@ -79,7 +79,7 @@ def test_the_disparity_of_a_sphere_is_that_of_its_closed_form_at_each_eyes_own_p
     views = EyeViews.of(quadric("sphere", RADIUS), UPRIGHT, LEVEL)
     found = disparity(views, columns=15, rows=3)  # the middle row is at the eyes' height
     left, right = LevelSphere(UPRIGHT, LEVEL.left), LevelSphere(UPRIGHT, LEVEL.right)
-    sight = views.middle.sight(found.places[1])
+    sight = views.middle.trace(found.places[1])
     assert np.abs(sight.directions[:, 2]).max() < 1e-9
     compared = 0
     for percent, way in zip(found.percent[1], sight.directions, strict=True):
@@ -139,7 +139,7 @@ def test_two_eyes_see_a_direction_at_places_as_far_apart_as_they_are_times_the_m
     apart = 0.1
     views = EyeViews.of(spline("progressive-c"), POSE, Eyes(EYE, apart))
     places = np.array([[-70.0, 20.0], [-20.0, -60.0], [80.0, 90.0]])
-    way = views.middle.sight(places).directions
+    way = views.middle.trace(places).directions
     left, right = (view.towards(view.find(way, at_infinity=True)[0]) for view in (views.left, views.right))
     found = ray_differentials(views.middle, places)
     # The place moves by a·J⁻¹·S·b/a, a·S being the shift of the ray, and the eye itself by b: the direction, by 1/a of both.
@@ -155,7 +155,7 @@ def test_the_disparity_of_a_mesh_is_that_of_its_sphere_but_for_its_facets() -> N
     mesh = disparity(EyeViews.of(Reflector(mesh=SurfaceMesh(vertices, faces), normals="facets"), POSE, EYES), columns=9, rows=5)
     sphere = EyeViews.of(quadric("sphere", RADIUS), POSE, EYES)
     places = places_over(sphere.middle, *(axis.ravel() for axis in np.meshgrid(mesh.x, mesh.y)))
-    inside = sphere.middle.sight(places).seen.reshape(5, 9)
+    inside = sphere.middle.trace(places).seen.reshape(5, 9)
     assert inside.sum() > 20
     percent = disparity(EyeViews.of(spline("sphere-950"), POSE, EYES), columns=9, rows=5).percent
     assert np.nanmean(mesh.percent[inside]) == pytest.approx(np.nanmean(percent), abs=0.3)
@@ -210,7 +210,7 @@ def test_the_flank_ends_the_view_where_a_level_ray_passes_the_rear_edge() -> Non
         way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         places, shown = view.find(way[None], at_infinity=True)
         assert shown[0]
-        start = view.sight(places).points[0, :2]
+        start = view.trace(places).points[0, :2]
         passes = way[0] * (edge - start)[1] - way[1] * (edge - start)[0]
         assert abs(passes) < 1e-5  # mm at the edge, 4 m away: 1e-9 rad
 

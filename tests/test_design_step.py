@@ -11,12 +11,10 @@ from scipy.optimize import brentq
 
 from mirror_cad import curvature
 from mirror_cad.curvature import Span
-from mirror_cad.differential import rms_norm
 from mirror_cad.errors import SpecError
 from mirror_cad.grid import Grid
 from mirror_cad.laws import law_from, solve_match
 from mirror_cad.mirror import design
-from mirror_cad.piecewise import PiecewiseChebyshev
 from mirror_cad.profile import (
     STEEPEST_GAUSS,
     circle_section_fov,
@@ -28,7 +26,9 @@ from mirror_cad.profile import (
 )
 from mirror_cad.spec_file import load_spec, validate_spec
 from mirror_cad.spec_laws import HorizontalPower, HorizontalZones
-from mirror_studio.setting import Setting
+from mirror_cad.surfaces.differential import rms_norm
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
+from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.field_of_view import reflected_at, reflected_on_grid
 from raytrace.measures.lane import lane_heights
 from tests.conftest import designed
@@ -138,7 +138,7 @@ def test_rms_of_the_laws_is_that_over_all_cells() -> None:
 
 def test_lane_heights_are_roots_one_by_one() -> None:
     mirror = designed("progressive-c")
-    setting = Setting.of(mirror.spec, mirror.box)
+    setting = ViewingSetup.of(mirror.spec, mirror.box)
     x = np.array([115.0, 40.0, -115.0])
     y_min, y_max = mirror.surface.domain[2:]
     found = lane_heights(mirror.surface, setting.eye, setting.lane, x, y_min, y_max)

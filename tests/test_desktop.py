@@ -16,7 +16,7 @@ import pytest
 import pyvista
 
 from mirror_cad.deviation import against_design
-from mirror_cad.differential import normals, principal_curvatures
+from mirror_cad.surfaces.differential import normals, principal_curvatures
 from mirror_studio.cli import run
 from mirror_studio.desktop.sheet import sheet
 from mirror_studio.desktop.window import colour_range

@@ -21,8 +21,8 @@ from mirror_studio.drive.pictures import World, both_eyes, camera_at
 from mirror_studio.drive.reference import lane_on_plane, plane_mm, reference_picture
 from mirror_studio.drive.sensitivity import with_radii
 from mirror_studio.scene_file import SceneFile, load_scene
-from raytrace.pose import STRAIGHT
 from raytrace.reflector import Reflector
+from raytrace.viewing.pose import STRAIGHT
 from tests.conftest import designed
 
 ROAD = """

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mirror_cad
-from mirror_cad.differential import shape_operator, shape_operator_of_sag
 from mirror_cad.errors import SpecError, SurfaceError
-from mirror_cad.faithful import shape_operator_partials
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
+from mirror_cad.surfaces.differential import shape_operator, shape_operator_of_sag
+from mirror_cad.surfaces.faithful import shape_operator_partials
 from mirror_studio.bench.faithful import torus
-from mirror_studio.methods import with_method
+from mirror_studio.build.methods import with_method
 from tests.conftest import constant, designed, spec_of
 
 
@@ -81,7 +81,7 @@ def test_point_and_normal_at_the_origin_stay(level_at: str) -> None:
 
 def test_height_moved_in_form() -> None:
     """After the best fit of a rigid motion; with the origin held it is 0.38 mm for (a), all of it an x·y² bend."""
-    from mirror_studio.methods import compare_methods
+    from mirror_studio.build.methods import compare_methods
 
     mirror = designed("progressive-a")
     both = compare_methods(mirror)
@@ -109,7 +109,7 @@ def test_whole_and_upper_half_give_the_same_surface(monkeypatch: pytest.MonkeyPa
     """A mirror symmetric in y is solved on its upper half alone."""
     spec = mirror_cad.load_spec("progressive-b")
     half = faithful(spec, degree=5, spans=(6, 4))
-    monkeypatch.setattr("mirror_cad.faithful._mirrored", lambda places: False)
+    monkeypatch.setattr("mirror_cad.surfaces.faithful._mirrored", lambda places: False)
     whole = faithful(spec, degree=5, spans=(6, 4))
     assert half.faithful is not None
     assert whole.faithful is not None

@@ -19,10 +19,10 @@ import numpy as np
 import pytest
 
 import mirror_cad
-from mirror_cad.differential import principal_curvatures_of, shape_operator
 from mirror_cad.occt.solid import faces_of
 from mirror_cad.occt.step import OPTICAL_FACE, read_step
-from mirror_studio.folder import MANIFEST, heal, new_set
+from mirror_cad.surfaces.differential import principal_curvatures_of, shape_operator
+from mirror_studio.build.folder import MANIFEST, heal, new_set
 from tests.conftest import constant, designed, spec_of
 
 SMALL = """
@@ -162,8 +162,8 @@ def test_back_and_rim_follow_the_true_offset() -> None:
     for face in faces_of(mirror.plate.solid):
         assert isinstance(BRep_Tool.Surface_s(face), Geom_BSplineSurface)
     # Rim: every point of a side lies on the segment from a point of the outline along its normal.
-    from mirror_cad.differential import normals
     from mirror_cad.occt.convert import face_as_bspline
+    from mirror_cad.surfaces.differential import normals
 
     sides = [face_as_bspline(face)[0] for face in faces_of(mirror.plate.solid)]
     for side in (surface for surface in sides if min(surface.poles.shape[:2]) == 2):

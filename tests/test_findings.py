@@ -13,25 +13,25 @@ import pytest
 from PIL import Image
 
 from mirror_cad.deviation import CurvatureDeviation, against_design
-from mirror_cad.differential import principal_curvatures, rms_norm
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec_file import load_spec
-from mirror_studio.methods import with_method
+from mirror_cad.surfaces.differential import principal_curvatures, rms_norm
+from mirror_studio.build.methods import with_method
 from mirror_studio.report.cut_figures import comb_figure, radius_figure
 from mirror_studio.report.cuts import cuts, cuts_table
 from mirror_studio.report.drawing import Panel, drawing, nice_ticks, tick_texts
 from mirror_studio.report.fields import deviation_fields, percent_of
-from mirror_studio.report.findings import find, write_findings
 from mirror_studio.report.histogram import histogram
 from mirror_studio.report.marked_view import CURVE, TANGENT, lane_image, marked_view
 from mirror_studio.report.probe import probe
+from mirror_studio.report.report_data import find, write_findings
 from mirror_studio.report.step_change import step_change
 from mirror_studio.report.uncertainty import uncertainty
-from mirror_studio.setting import Setting
-from raytrace.camera import Frame
+from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.field_of_view import reflected_at
 from raytrace.measures.lane import lane_straightness
+from raytrace.viewing.camera import Frame
 from tests.conftest import constant, designed, spec_of
 
 FACET = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
@@ -235,7 +235,7 @@ def test_step_table_compares_what_was_written_with_what_was_read(progressive: tu
 
 def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
     mirror, _ = progressive
-    setting = Setting.of(mirror.spec, mirror.box)
+    setting = ViewingSetup.of(mirror.spec, mirror.box)
     straightness = lane_straightness(mirror.surface, setting.eye, setting.lane, mirror.box)
     image = lane_image(mirror.surface, setting.eye, setting.lane, mirror.box, straightness)
     assert image is not None

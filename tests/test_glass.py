@@ -16,19 +16,19 @@ from scipy.optimize import brentq
 
 import mirror_cad
 import raytrace
-from mirror_cad.collocation import collocate
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.solid import is_valid, plate, solids_of
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
-from mirror_cad.offset import offset_surface
+from mirror_cad.surfaces.collocation import collocate
+from mirror_cad.surfaces.offset import offset_surface
 from mirror_studio.cli import run
-from raytrace.eye import eye_position
-from raytrace.glass import refract, trace_through
 from raytrace.measures.field_of_view import GlassSheets, angle_between, reflected_at, towards, traced_fields_of_view
 from raytrace.measures.ghost import ghost, reflectance
 from raytrace.reflector import FRONT_FACE, OPTICAL_FACE, TrimmedSurface
+from raytrace.surfaces.plate import refract, trace_through
 from raytrace.trace import Status, Trace, reflect
+from raytrace.viewing.eye import eye_position
 from tests.conftest import constant, designed, spec_of
 from tests.test_plate import assert_closed_and_outward, plate_volume
 

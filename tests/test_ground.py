@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
-from raytrace.aim import Aim
 from raytrace.measures.blind_zone import NearLane, blind_along, blind_zone, hidden_car
-from raytrace.measures.edge import edge_of
 from raytrace.measures.ground import Plan, horizon_margin, nearest_at_flank, seen_ground, seen_widths
 from raytrace.measures.line_bow import line_bow
-from raytrace.measures.line_image import road_line
-from raytrace.measures.plan import Spans, both, brought, combined, either, hidden_by, outlines, shown
 from raytrace.measures.yaw_coverage import yaw_coverage
-from raytrace.pose import SIDEWAYS
 from raytrace.reflector import Glass, Reflector, TrimmedSurface
-from raytrace.vehicle import Eyes, OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.aim import Aim
+from raytrace.viewing.pose import SIDEWAYS
+from raytrace.viewing.vehicle import Eyes, HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of
+from raytrace.visibility.line_image import road_line
+from raytrace.visibility.plan import IntervalSet, both, brought, combined, either, hidden_by, outlines, shown
 from tests.conftest import designed
 from tests.test_straight_lines import EYE, OWN, ball, flat, posed
 
@@ -43,10 +43,10 @@ def two_flat(pitch_deg: float = 3.0) -> tuple[View, View]:
     return View(view.reflector, view.pose, EYES.left), View(view.reflector, view.pose, EYES.right)
 
 
-def is_seen(view: View, points: Array, own: OwnVehicle | None) -> NDArray[np.bool_]:
+def is_seen(view: View, points: Array, own: HostVehicle | None) -> NDArray[np.bool_]:
     """Point by point, by the inverse ray."""
     places, inside = view.find(points)
-    return inside & ~own.hides(view.sight(places).points, points) if own is not None else inside
+    return inside & ~own.hides(view.trace(places).points, points) if own is not None else inside
 
 
 def on_ground(x: Array, y: Array, z: float = 0.0) -> Array:
@@ -237,7 +237,7 @@ def test_the_longest_car_in_zones_of_known_shape() -> None:
     x = np.arange(0.0, 6001.0, 25.0)
     lane = NearLane(-5000.0, -1000.0)
     high = -1500.0 - x / 3.0
-    trapezium = replace(zone, x_mm=x, spans=Spans(np.arange(len(x)), np.full(len(x), -4500.0), high))
+    trapezium = replace(zone, x_mm=x, spans=IntervalSet(np.arange(len(x)), np.full(len(x), -4500.0), high))
     found = hidden_car((trapezium,), lane, 3500.0, 1800.0)
     assert found.longest_mm == pytest.approx(3600.0, abs=25.0 * 3.0)  # the nearest place tried is less than 25 mm off
     assert found.hides
@@ -245,7 +245,7 @@ def test_the_longest_car_in_zones_of_known_shape() -> None:
     assert hidden_car((trapezium,), lane, 100.0, 3100.0).longest_mm == 0.0
     assert hidden_car((trapezium,), NearLane(-5000.0, -4000.0), 100.0, 1800.0).longest_mm == 0.0
     # At two heights: what is blind at both.
-    shorter = replace(trapezium, spans=Spans(np.arange(40), np.full(40, -4500.0), high[:40]))
+    shorter = replace(trapezium, spans=IntervalSet(np.arange(40), np.full(40, -4500.0), high[:40]))
     assert hidden_car((trapezium, shorter), lane).longest_mm == pytest.approx(975.0)
 
 
@@ -305,7 +305,7 @@ def test_a_right_hand_mirror_is_the_reflection_of_the_left() -> None:
 def test_everything_may_move_along_the_road() -> None:
     reflector, pose = posed("progressive-c")
     move = np.array([1234.5, 0.0, 0.0])
-    own = OwnVehicle(870.0, 1234.5, 3900.0 + 1234.5, 2200.0)
+    own = HostVehicle(870.0, 1234.5, 3900.0 + 1234.5, 2200.0)
     moved = [View(reflector, replace(pose, centre=pose.centre + move), eye + move) for eye in (EYES.left, EYES.right)]
     at = (4000.0, 20_000.0)
     for a, b in zip(seen_widths(*two("progressive-c"), OWN, at),
@@ -370,10 +370,10 @@ def test_a_mirror_behind_a_wall_shows_nothing() -> None:
 ENDS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 20), st.integers(1, 8)), max_size=12)
 
 
-def spans_of(parts: list[tuple[int, int, int]]) -> Spans:
+def spans_of(parts: list[tuple[int, int, int]]) -> IntervalSet:
     rows = np.array([row for row, _, _ in parts], dtype=np.intp)
     low = np.array([start for _, start, _ in parts], dtype=np.float64)
-    return Spans(rows, low, low + np.array([length for _, _, length in parts], dtype=np.float64))
+    return IntervalSet(rows, low, low + np.array([length for _, _, length in parts], dtype=np.float64))
 
 
 @settings(max_examples=200)
@@ -396,7 +396,7 @@ def test_outlines_split_and_join() -> None:
     x = np.linspace(-2.0, 2.0, 401)
     outer, inner = np.sqrt(np.maximum(4.0 - x**2, 0.0)), np.sqrt(np.maximum(1.0 - x**2, 0.0))
     rows = np.arange(len(x))
-    ring = combined(lambda p, q: p & ~q, Spans(rows, -outer, outer), Spans(rows, -inner, inner).clipped(-9.0, 9.0))
+    ring = combined(lambda p, q: p & ~q, IntervalSet(rows, -outer, outer), IntervalSet(rows, -inner, inner).clipped(-9.0, 9.0))
     polygons = outlines(ring, x)
     assert sum(area(polygon) for polygon in polygons) == pytest.approx(3.0 * np.pi, rel=5e-3)
     assert not any(within(polygon, np.zeros(1), np.zeros(1))[0] for polygon in polygons)
@@ -421,5 +421,5 @@ def test_newton_from_near_by_finds_what_find_finds() -> None:
     again, on = brought(view.whole, places + np.array([8.0, -6.0]), points)
     assert again == pytest.approx(places, abs=1e-6)
     way = points - on
-    sight = view.whole.sight(again)
+    sight = view.whole.trace(again)
     assert np.cross(way / np.linalg.norm(way, axis=1, keepdims=True), sight.directions) == pytest.approx(0.0, abs=1e-11)

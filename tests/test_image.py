@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 import mirror_cad
 import raytrace
-from mirror_studio.setting import Setting
+from mirror_studio.viewing_setup import ViewingSetup
 from raytrace import parallel
-from raytrace.camera import Frame
 from raytrace.image import driver_view, photograph
-from raytrace.patches import HeightField
 from raytrace.scene.reference import BACKGROUND, Picture, ReferencePlane, load_picture
+from raytrace.surfaces.patches import HeightField
 from raytrace.trace import Trace
+from raytrace.viewing.camera import Frame
 from tests.conftest import constant, designed, spec_of
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 def scene_of(name: str) -> tuple[raytrace.Reflector, np.ndarray, ReferencePlane, Frame]:
     mirror = designed(name)
-    setting = Setting.of(mirror.spec, mirror.box)
+    setting = ViewingSetup.of(mirror.spec, mirror.box)
     return (raytrace.Reflector.from_mirror(mirror), setting.eye, setting.scene(load_picture("road"), mirror.spec),
             Frame.around(mirror.box, 480))
 
@@ -86,7 +86,7 @@ def test_progress_rises_to_one_and_stops_the_work_when_it_raises() -> None:
 def test_a_pixel_of_a_flat_mirror_shows_the_picture_where_it_lies() -> None:
     """Closed form: a plane mirror shows the plane behind the eye as from the eye's image, at the element (row, column)."""
     mirror = mirror_cad.design(spec_of(constant(np.inf), constant(np.inf)))
-    setting = Setting.of(mirror.spec, mirror.box)
+    setting = ViewingSetup.of(mirror.spec, mirror.box)
     picture = np.zeros((90, 160, 3), dtype=np.uint8)
     picture[..., 0] = np.arange(160)[None, :]
     picture[..., 1] = np.arange(90)[:, None] * 2

@@ -455,7 +455,7 @@ def test_light_does_not_depend_on_threads_runs_or_neighbours(monkeypatch: pytest
     part = slice(20_001, 20_777)
     assert np.array_equal(world.radiance(eye, directions[part], 5e-4), whole[part])
     inside = np.empty_like(whole)
-    parallel.in_runs(lambda a, b: inside.__setitem__(slice(a, b), world.radiance(eye, directions[a:b], 5e-4)),
+    parallel.parallel_for(lambda a, b: inside.__setitem__(slice(a, b), world.radiance(eye, directions[a:b], 5e-4)),
                      len(directions), 5000)
     assert np.array_equal(inside, whole)
     monkeypatch.setattr(parallel, "THREADS", 1)
@@ -490,7 +490,7 @@ def test_rays_that_are_none_are_refused(origins: np.ndarray, directions: np.ndar
 # Against a path tracer.
 
 WIDE, HIGH, ACROSS_DEG, PATHS = 128, 96, 42.0, 128
-EYE, LOOKED_AT = np.array([4200.0, 1900.0, 2200.0]), np.array([0.0, 500.0, 450.0])
+EYE, GRID_SHAPE = np.array([4200.0, 1900.0, 2200.0]), np.array([0.0, 500.0, 450.0])
 # By how much our mean in a region may differ, relatively. The first two are Mitsuba's noise; the others what is left out: light
 # that lit walls throw on the ground and on each other, and how a body hides the sky from another. Measured: 4, 9 % …
 REGIONS = {"sunlit ground": 0.004, "box, top": 0.01, "ground near by": 0.05, "ground in shadow": 0.11,
@@ -500,7 +500,7 @@ REGIONS = {"sunlit ground": 0.004, "box, top": 0.01, "ground near by": 0.05, "gr
 
 def pixel_rays(samples: int) -> np.ndarray:
     """Directions (HIGH·s, WIDE·s, 3) of a pinhole camera at EYE."""
-    ahead = unit(LOOKED_AT - EYE)
+    ahead = unit(GRID_SHAPE - EYE)
     right = unit(np.cross(ahead, UP))
     up = np.cross(right, ahead)
     size = 2.0 * np.tan(np.radians(0.5 * ACROSS_DEG)) / WIDE
@@ -519,7 +519,7 @@ def by_mitsuba(sun: np.ndarray, beam: float) -> np.ndarray:
     scene = mitsuba.load_dict({
         "type": "scene", "integrator": {"type": "path", "max_depth": 12},
         "sensor": {"type": "perspective", "fov": ACROSS_DEG, "fov_axis": "x", "near_clip": 1.0, "far_clip": 1e7,
-                   "to_world": place.look_at(origin=EYE.tolist(), target=LOOKED_AT.tolist(), up=[0, 0, 1]),
+                   "to_world": place.look_at(origin=EYE.tolist(), target=GRID_SHAPE.tolist(), up=[0, 0, 1]),
                    "film": {"type": "hdrfilm", "width": WIDE, "height": HIGH, "rfilter": {"type": "box"},
                             "pixel_format": "rgb"},
                    "sampler": {"type": "independent", "sample_count": PATHS, "seed": 1}},

@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 import mirror_cad
-from mirror_cad.differential import shape_operator
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.quadric import Quadric
+from mirror_cad.surfaces.differential import shape_operator
+from mirror_cad.surfaces.quadric import Quadric
 from raytrace.measures.magnification import MagnificationMap, frame, magnification_map, places_over, ray_differentials
-from raytrace.pose import Pose
-from raytrace.quadrics import TrimmedQuadric
 from raytrace.reflector import Glass, Reflector, load_reflector
-from raytrace.view import View
+from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import View
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import cap
 from tests.test_glass import INDEX, T_MM, sheets
@@ -175,11 +175,11 @@ def by_the_shape_operator(view: View, x: Array, y: Array) -> tuple[Array, Array]
 def test_differences_of_exact_rays_agree_with_the_shape_operator(name: str) -> None:
     view = View(spline(name), POSE, EYE)
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-112.0, 112.0, 45), np.linspace(-120.0, 120.0, 25)))
-    seen = view.sight(places_over(view, x, y)).seen  # not in the outline's corners
+    seen = view.trace(places_over(view, x, y)).seen  # not in the outline's corners
     assert seen.sum() > 1000
     x, y = x[seen], y[seen]
     places = places_over(view, x, y)
-    assert np.abs(view.sight(places).on_mirror[:, :2] - np.stack([x, y], axis=1)).max() < 1e-9
+    assert np.abs(view.trace(places).on_mirror[:, :2] - np.stack([x, y], axis=1)).max() < 1e-9
     found = ray_differentials(view, places)
     jacobian, shift = by_the_shape_operator(view, x, y)
     scale = np.linalg.norm(jacobian, axis=(1, 2))
@@ -191,7 +191,7 @@ def test_small_far_things_are_seen_as_large_as_the_magnification_says() -> None:
     """Two far points 1′ apart, found in the mirror by the inverse of the view: the angle between the places they are seen."""
     view = View(spline("progressive-c"), POSE, EYE)
     places = np.array([[-90.0, 40.0], [-30.0, -100.0], [60.0, 10.0], [90.0, 100.0]])
-    sight = view.sight(places)
+    sight = view.trace(places)
     found = ray_differentials(view, places).at()
     half = 0.5 * np.radians(1.0 / 60.0)
     for across, expected in zip(frame(sight.directions), (found.horizontal, found.vertical), strict=True):

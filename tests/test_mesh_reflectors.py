@@ -17,9 +17,9 @@ from mirror_cad.occt.tessellate import read_stl
 from raytrace import mesh_files
 from raytrace.embree import TriangleScene
 from raytrace.errors import TraceError
-from raytrace.eye import eye_position
+from raytrace.kernels.mesh_normals import corner_normals, interpolated_normals
 from raytrace.mesh_files import read_mesh
-from raytrace.mesh_normals import corner_normals, interpolated_normals
+from raytrace.viewing.eye import eye_position
 from tests.conftest import designed
 from tests.meshes import box, cap, icosphere, unit
 
@@ -207,7 +207,7 @@ def test_files_that_are_none_of_its_own_are_refused(tmp_path: Path, monkeypatch:
     write_3mf(tmp_path / "d.3mf", SurfaceMesh(vertices, faces), "parsec")
     with pytest.raises(FileError, match="its unit 'parsec' is none of micron"):
         read_mesh(tmp_path / "d.3mf")
-    monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", 17)
+    monkeypatch.setattr(mesh_files, "MAX_TRIANGLES", 17)
     with pytest.raises(MirrorError, match=r"c\.obj: 18 triangles are more than 17: reduce the mesh"):
         read_mesh(tmp_path / "c.obj")
 

@@ -12,8 +12,8 @@ from PIL import Image
 from mirror_studio.bench.tracers import pictures
 from mirror_studio.bench.tracers.case import Case
 from mirror_studio.bench.tracers.mitsuba_mesh import SCALAR, use
-from raytrace.camera import Frame
 from raytrace.image import driver_view
+from raytrace.viewing.camera import Frame
 from tests.conftest import designed
 
 TRIANGLES = 1_000_000

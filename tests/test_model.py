@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from mirror_cad import curvature
 from mirror_cad.curvature import CurvatureLaw, Span
-from mirror_cad.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
-from mirror_cad.piecewise import PiecewiseChebyshev
-from mirror_cad.profile import Profile, integrate_exactly, march, sine_of_tangent_angle
+from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_of_tangent_angle
 from mirror_cad.sections import DecoupledSag
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.bench import model
 from mirror_studio.bench.table import Table
 
@@ -204,7 +204,7 @@ MARCHED = curvature.expression("0.0013*exp(-x/150)", SPAN, "curvature")  # smoot
 
 def curvature_error(method: str, step_mm: float, x: Array) -> Array:
     kappa = series_of(MARCHED)
-    marched = march(kappa, profile_of(kappa), method, step_mm)
+    marched = integrate_ode(kappa, profile_of(kappa), method, step_mm)
     result: Array = -marched.bend(x) / (1.0 + marched.slope(x) ** 2) ** 1.5 / kappa(x) - 1.0
     return result
 
@@ -222,7 +222,7 @@ def test_euler_rules_miss_the_curvature_by_the_derived_first_order(method: str, 
     assert left[0] < 0.01 * largest(per_mm)
     # And the whole profile is turned by half a step of bend where the march starts.
     start, step = np.array([115.0]), 0.25
-    turned = march(kappa, exact, method, step).slope(start) - exact.slope(start)
+    turned = integrate_ode(kappa, exact, method, step).slope(start) - exact.slope(start)
     bend = kappa(start) * np.hypot(1.0, exact.slope(start)) ** 3
     assert turned == pytest.approx((0.5 - late) * step * bend, rel=step * 0.01)  # the next order: h·κ′/κ and less
 
@@ -238,7 +238,7 @@ def test_runge_kutta_falls_to_the_second_order_where_the_law_has_but_one_derivat
     x = np.linspace(-110.0, 110.0, 4001)
     errors = []
     for step in (4.0, 0.125):
-        marched = march(kappa, profile_of(kappa), "rk4", step)
+        marched = integrate_ode(kappa, profile_of(kappa), "rk4", step)
         errors.append(largest(-marched.bend(x) / (1.0 + marched.slope(x) ** 2) ** 1.5 / kappa(x) - 1.0))
     # Where in its step the break falls changes the constant: five halvings average that out.
     assert np.log2(errors[0] / errors[1]) / 5.0 == pytest.approx(2.0, abs=0.3)

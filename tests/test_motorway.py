@@ -11,11 +11,11 @@ from PIL import Image
 from mirror_studio.drive.mirrors import DrivenMirror, on_vehicle
 from mirror_studio.drive.pictures import World, camera_at, cones_of, eye_picture
 from mirror_studio.scene_file import load_scene
-from raytrace.camera import Camera
 from raytrace.image import photograph
 from raytrace.reflector import Reflector
-from raytrace.scene.driven import DrivenWorld
-from raytrace.view import View
+from raytrace.scene.mirror_scene import MirrorScene
+from raytrace.viewing.camera import Camera
+from raytrace.viewing.view import View
 from tests.conftest import designed
 
 WIDTH, HEIGHT = 640, 480
@@ -90,7 +90,7 @@ def test_the_number_plate_is_mirror_written(mirror: DrivenMirror, world: World, 
     turned = view.pose.directions_to_mirror
     camera = Camera(view.eye_in_mirror, turned(camera.base), turned(camera.across), turned(camera.down), 400, 160)
     pixel = np.radians(1.6) / 400
-    driven = DrivenWorld(world.lit, world.lit, view.pose, 1.0, 0.5 * pixel, cones_of(view))
+    driven = MirrorScene(world.lit, world.lit, view.pose, 1.0, 0.5 * pixel, cones_of(view))
     picture, _ = photograph(view.reflector, camera, driven)
     Image.fromarray(picture).save(tmp_path / "plate.png")
     at = pixels(view, camera, targets)

@@ -11,23 +11,23 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mirror_cad.errors import MirrorError
-from mirror_cad.quadric import Quadric
+from mirror_cad.surfaces.quadric import Quadric
 from mirror_studio.drive.measured import figures, main_figures, measure, subject_of
 from mirror_studio.drive.mirrors import driven_mirror, on_vehicle
 from mirror_studio.drive.pictures import World
 from mirror_studio.drive.table import cells, rows_of
 from mirror_studio.scene_file import AimSection, SceneFile, load_scene
-from raytrace.measures.edge import _shows, edge_of
 from raytrace.measures.eye_fields import eye_fields
-from raytrace.measures.eye_views import EyeViews
 from raytrace.measures.ground import seen_widths
-from raytrace.measures.orientation import _eigenvalues, orientation
-from raytrace.measures.plan import shown
-from raytrace.pose import Pose
-from raytrace.quadrics import TrimmedQuadric
 from raytrace.reflector import Reflector
-from raytrace.vehicle import Eyes
-from raytrace.view import View
+from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import _shows, edge_of
+from raytrace.visibility.orientation import _eigenvalues, orientation
+from raytrace.visibility.plan import shown
 from tests.test_drive import ROAD, box_glb
 from tests.test_ground import is_seen, on_ground
 from tests.test_magnification import MIDDLE, STRAIGHT, eye_at, quadric, spline
@@ -82,7 +82,7 @@ def test_what_is_said_to_be_shown_twice_is_and_nothing_else() -> None:
     for radius, twice in ((1703.0, True), (1600.0, False), (800.0, False), (4000.0, False)):
         view = View(dish(radius), STRAIGHT, eye_at(np.radians(20.0), 0.3, 800.0))
         x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-90, 90, 200), np.linspace(-90, 90, 200)))
-        sight = view.sight(np.stack([x, y], axis=1))
+        sight = view.trace(np.stack([x, y], axis=1))
         ways, places = sight.directions[sight.seen], sight.on_mirror[sight.seen][:, :2]
         pairs = cKDTree(ways).query_pairs(1e-4, output_type="ndarray")
         apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
@@ -199,7 +199,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
     assert high - low > 200.0
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-200.0, 200.0, 3000), np.linspace(-100.0, 150.0, 1000)))
     places = np.stack([x, y], axis=1)
-    sight = view.sight(places)
+    sight = view.trace(places)
     level = _shows(view, places, sight) & (np.abs(sight.directions[:, 2]) < 2e-3)
     azimuth = np.degrees(np.arctan2(sight.directions[level, 1], sight.directions[level, 0]))
     assert low - 0.2 < azimuth.min() < low + 1.0  # the limb, along which little of the picture shows much

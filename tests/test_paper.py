@@ -9,14 +9,14 @@ import pytest
 
 import mirror_cad
 import raytrace
-from mirror_studio.paper import PAPER, table_1
-from raytrace.camera import Frame, rays_through
-from raytrace.eye import eye_position
+from mirror_studio.build.paper import PAPER, table_1
 from raytrace.image import driver_view, landing_points
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
+from raytrace.viewing.camera import Frame, rays_through
+from raytrace.viewing.eye import eye_position
 from tests.conftest import constant, designed, spec_of
 
 

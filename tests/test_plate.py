@@ -21,17 +21,17 @@ from OCP.TopoDS import TopoDS
 
 import mirror_cad
 from mirror_cad.deviation import stl_deviation
-from mirror_cad.differential import normals, principal_curvatures_of, shape_operator
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.plate_mesh import MOST_FACETS, plate_mesh
+from mirror_cad.occt.plate_mesh import MAX_FACETS, plate_mesh
 from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, faces_of, is_valid, plate, solids_of
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.occt.triangulation import doubled_area, triangles_within
-from mirror_cad.offset import offset_surface
 from mirror_cad.outline import Arc, Line, Outline, closed_outline
+from mirror_cad.surfaces.differential import normals, principal_curvatures_of, shape_operator
+from mirror_cad.surfaces.offset import offset_surface
 from tests.conftest import constant, designed, spec_of
 
 Array = NDArray[np.float64]
@@ -188,7 +188,7 @@ def test_a_deflection_too_fine_for_stl_is_refused_with_the_numbers(tmp_path: Pat
     mirror = designed("sphere-950")
     with pytest.raises(mirror_cad.WriteError, match=r"1e-06 mm cannot be held: STL rounds .* to 2e-05 mm; ask for 5e-05 mm"):
         mirror.export_stl(tmp_path / "a.stl", 1e-6)
-    with pytest.raises(mirror_cad.WriteError, match=rf"some [\d,]+ facets .* more than {MOST_FACETS:,}: ask for [\d.e-]+ mm"):
+    with pytest.raises(mirror_cad.WriteError, match=rf"some [\d,]+ facets .* more than {MAX_FACETS:,}: ask for [\d.e-]+ mm"):
         plate_mesh(mirror.surface, mirror.plate.back, mirror.outline, 5e-6)
 
 

@@ -9,12 +9,12 @@ import pytest
 
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
-from raytrace.aim import Aim, RearEdge, aimed, shown_aim
-from raytrace.bezel import AROUND, RIM_STEPS, housing, under_bezel
 from raytrace.errors import TraceError
-from raytrace.pose import Pose
-from raytrace.vehicle import Eyes, OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.aim import Aim, RearEdge, aimed, shown_aim
+from raytrace.viewing.bezel import AROUND, RIM_STEPS, housing, visible_aperture
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes, HostVehicle
+from raytrace.viewing.view import View
 from tests.conftest import designed
 
 EYE = np.array([0.0, -490.0, 1900.0])
@@ -82,7 +82,7 @@ def test_what_a_ray_meets_is_found_again_where_the_ray_went(progressive: raytrac
     view = View(progressive, posed(15.0, 3.0, hand=hand), eye)
     x, y = np.meshgrid(np.linspace(-110, 110, 21), np.linspace(-140, 140, 21))
     places = np.stack([x.ravel(), y.ravel()], axis=1)
-    sight = view.sight(places)
+    sight = view.trace(places)
     for at_infinity, targets in ((False, sight.points + 7000.0 * sight.directions), (True, sight.directions)):
         found, shown = view.find(targets[sight.seen], at_infinity)
         assert shown.all()
@@ -93,7 +93,7 @@ def test_the_right_hand_mirror_shows_the_reflected_world(progressive: raytrace.R
     left = View(progressive, posed(15.0, 3.0), EYE)
     right = View(progressive, posed(15.0, 3.0, hand="right"), EYE * SIDEWAYS)
     places = np.random.default_rng(5).uniform(-100.0, 100.0, (50, 2))
-    one, other = left.sight(places), right.sight(places)
+    one, other = left.trace(places), right.trace(places)
     assert np.allclose(one.points * SIDEWAYS, other.points, rtol=0, atol=1e-9)
     assert np.allclose(one.directions * SIDEWAYS, other.directions, rtol=0, atol=1e-12)
 
@@ -147,7 +147,7 @@ def test_an_eye_that_cannot_look_into_the_mirror_is_refused(progressive: raytrac
 
 
 def test_the_own_vehicle_hides_what_a_way_through_its_box_leads_to() -> None:
-    vehicle = OwnVehicle(870.0, 0.0, 3900.0, 2200.0)
+    vehicle = HostVehicle(870.0, 0.0, 3900.0, 2200.0)
     start = np.array([-540.0, -1010.0, 1760.0])
     ends = np.array([[3000.0, -1000.0, 0.0],   # beside it
                      [3000.0, -800.0, 1000.0],  # inside it
@@ -170,7 +170,7 @@ def test_the_eyes_are_apart_across_the_vehicle() -> None:
 def test_a_bezel_leaves_what_is_farther_from_the_edge_than_it_reaches(progressive: raytrace.Reflector) -> None:
     """Against the outline's own distance, on a grid; 0.01 mm beside the bezel's edge are left out."""
     over = 6.0
-    cut = under_bezel(progressive, over)
+    cut = visible_aperture(progressive, over)
     outline = designed("progressive-c").outline.polyline(1e-4)
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-118.3, 118.9, 120), np.linspace(-168.1, 168.7, 170)))
     places = np.stack([x, y], axis=1)
@@ -188,9 +188,9 @@ def test_a_bezel_leaves_what_is_farther_from_the_edge_than_it_reaches(progressiv
 def test_a_bezel_over_everything_and_one_over_a_mesh_are_refused(progressive: raytrace.Reflector,
                                                                  plane: raytrace.Reflector) -> None:
     with pytest.raises(TraceError, match="leaves nothing of the mirror to see"):
-        under_bezel(progressive, 200.0)
+        visible_aperture(progressive, 200.0)
     with pytest.raises(TraceError, match="one B-spline with u = x, v = y"):
-        under_bezel(plane, 5.0)
+        visible_aperture(plane, 5.0)
 
 
 def test_the_housing_is_a_closed_shell_that_leaves_the_mirror_free(progressive: raytrace.Reflector,
@@ -206,5 +206,5 @@ def test_the_housing_is_a_closed_shell_that_leaves_the_mirror_free(progressive: 
     with_housing = View(raytrace.Reflector(progressive.surfaces, obstacles=housing(progressive)), seen.pose, EYE)
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-90, 90, 30), np.linspace(-110, 110, 30)))
     places = np.stack([x, y], axis=1)
-    assert np.array_equal(seen.sight(places).seen, with_housing.sight(places).seen)
+    assert np.array_equal(seen.trace(places).seen, with_housing.trace(places).seen)
 

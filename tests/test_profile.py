@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 import mirror_cad
 from mirror_cad import curvature
 from mirror_cad.curvature import Span
-from mirror_cad.piecewise import approximate
-from mirror_cad.profile import Profile, circle_section_fov, integrate_exactly, march, section_fov, sine_of_tangent_angle
+from mirror_cad.profile import Profile, circle_section_fov, integrate_exactly, integrate_ode, section_fov, sine_of_tangent_angle
+from mirror_cad.surfaces.piecewise import approximate
 from tests.conftest import constant, spec_of
 
 SPAN = Span(-115.0, 115.0)
@@ -76,7 +76,7 @@ def test_march_converges_with_its_order(method: str, order: int) -> None:
     reference = integrate_exactly(sine_of_tangent_angle(kappa, 0.0), kappa)
     errors = []
     for step in (16.0, 8.0):
-        marched = march(kappa, reference, method, step)
+        marched = integrate_ode(kappa, reference, method, step)
         at = np.linspace(-110.0, 110.0, 301)
         errors.append(np.abs(marched.height(at) - reference.height(at)).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
@@ -85,7 +85,7 @@ def test_march_converges_with_its_order(method: str, order: int) -> None:
 def test_euler_curvature_error_is_h_times_relative_slope_of_curvature() -> None:
     law = curvature.linear(1250.0, 400.0, SPAN)
     kappa = law.series(-114.9, 114.9)
-    marched = march(kappa, exact(law), "euler", 0.5)
+    marched = integrate_ode(kappa, exact(law), "euler", 0.5)
     at = np.linspace(-100.0, 100.0, 201)
     realised = -marched.bend(at) / (1.0 + marched.slope(at) ** 2) ** 1.5
     designed = kappa(at)

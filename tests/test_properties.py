@@ -13,12 +13,17 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import mirror_cad
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.deviation import against_design
-from mirror_cad.differential import principal_curvatures, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.errors import ProfileError
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.step import read_step
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import (
+    principal_curvatures,
+    principal_curvatures_of,
+    shape_operator,
+    shape_operator_of_sag,
+)
 from tests.conftest import constant, designed, spec_of
 
 # Radii down to half again the mirror's half-height, of either sign, to nearly flat.

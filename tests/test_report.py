@@ -14,11 +14,11 @@ import pytest
 from PIL import Image
 
 from mirror_cad.deviation import CurvatureDeviation
-from mirror_cad.differential import rms_norm, shape_operator
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec_file import load_spec, validate_spec
-from mirror_studio.methods import compare_methods, with_method
+from mirror_cad.surfaces.differential import rms_norm, shape_operator
+from mirror_studio.build.methods import compare_methods, with_method
 from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
 from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
 from mirror_studio.report.rows import requirement_groups

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.quadric import Quadric
-from raytrace.bezel import edge_loop
-from raytrace.measures.edge import edge_of
-from raytrace.quadrics import TrimmedQuadric
+from mirror_cad.surfaces.quadric import Quadric
 from raytrace.reflector import Reflector
-from raytrace.view import View, box_of
+from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.viewing.bezel import edge_loop
+from raytrace.viewing.view import View, box_of
+from raytrace.visibility.edge import edge_of
 from tests.test_magnification import EYE, POSE, quadric
 
 Array = NDArray[np.float64]

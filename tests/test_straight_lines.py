@@ -13,21 +13,21 @@ from scipy.optimize import brentq
 import mirror_cad
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.quadric import Quadric
-from raytrace.aim import Aim, aimed
-from raytrace.eye import eye_position
+from mirror_cad.surfaces.quadric import Quadric
 from raytrace.measures.column_tilt import column_tilt
-from raytrace.measures.edge import _looked_for, edge_of, roots
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.line_bow import ARCMIN, line_bow
-from raytrace.measures.line_image import LineView, StraightLine, column, line_images, road_line
-from raytrace.measures.plan import hidden_by
 from raytrace.measures.road_straightness import road_straightness
-from raytrace.pose import SIDEWAYS, Pose
-from raytrace.quadrics import TrimmedQuadric
 from raytrace.reflector import Glass, Reflector, TrimmedSurface
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.viewing.aim import Aim, aimed
+from raytrace.viewing.eye import eye_position
+from raytrace.viewing.pose import SIDEWAYS, Pose
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of, roots, visibility_contour
+from raytrace.visibility.line_image import LineView, StraightLine, column, line_images, road_line
+from raytrace.visibility.plan import hidden_by
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import grid
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 EYE = np.array([0.0, -490.0, 1900.0])
 CENTRE = np.array([-540.0, -1010.0, 1760.0])
-OWN = OwnVehicle(870.0, 0.0, 3900.0, 2200.0)
+OWN = HostVehicle(870.0, 0.0, 3900.0, 2200.0)
 BOX = (-115.0, 115.0, -163.45, 163.45)
 ROUNDING = 1e-6  # arc minutes: places are found to 1e-10 radians of a reflected ray, 3e-7′
 LINES = (road_line(-1750.0), road_line(-5250.0), road_line(-5250.0, 0.0, 60_000.0), column(20_000.0, -5500.0, 6000.0),
@@ -155,7 +155,7 @@ def test_lines_in_a_plane_of_symmetry_stay_straight() -> None:
     pose = Pose(CENTRE, np.zeros(3), np.radians(14.0), np.radians(2.7))
     view = View(ball(), pose, EYE)
     centre = pose.to_vehicle(np.array([0.0, 0.0, -950.0]))
-    sight = view.sight(np.array([[20.0, 10.0]]))
+    sight = view.trace(np.array([[20.0, 10.0]]))
     along = (centre - EYE) / np.linalg.norm(centre - EYE)  # in the plane of eye, centre, and all of this ray
     bow = line_bow(view, StraightLine(sight.points[0] + 20_000.0 * sight.directions[0] - 1500.0 * along, along, 3000.0))
     assert bow is not None
@@ -236,7 +236,7 @@ def test_ends_are_exact() -> None:
     across = StraightLine(np.array([20_000.0, -6000.0, 0.0]), np.array([0.0, 1.0, 0.0]), 8000.0)
     hidden = line_images(view, across, OWN)[0]
     assert hidden.ends == ("line", "hidden")
-    q = view.sight(hidden.places[-1:]).points
+    q = view.trace(hidden.places[-1:]).points
     assert abs(hidden_by(OWN, q, across.at(hidden.along_mm[-1:]))[0]) < 1e-9
     # In plan, the way from the mirror to the last point seen passes the vehicle's rear corner.
     end = across.at(hidden.along_mm[-1:])[0]
@@ -335,10 +335,10 @@ def test_an_edge_that_is_looked_for_is_the_outline() -> None:
     known = edge_of(view)
     in_the_way_of_nothing = View(replace(view.reflector, obstacles=far_away()), view.pose, EYE)
     assert np.array_equal(edge_of(in_the_way_of_nothing).places, known.places)
-    found = _looked_for(view)
+    found = visibility_contour(view)
     assert len(found.places) < len(known.places) < 10_000
 
-    def area(edge: raytrace.measures.edge.Edge) -> float:
+    def area(edge: raytrace.visibility.edge.Edge) -> float:
         k = np.arange(len(edge.places))
         a, b, c = edge.places, edge.way(k, np.full(len(k), 0.5)), edge.places[edge.following]
         return abs(float(0.5 * sum(np.sum(p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]) for p, q in ((a, b), (b, c)))))
@@ -362,7 +362,7 @@ def test_a_ray_through_the_edge_meets_the_line() -> None:
     view, line = view_of("progressive-c"), road_line(-5250.0)
     seen = LineView.of(view, line)
     angle, places, _ = seen.crossings()
-    sight = view.whole.sight(places)
+    sight = view.whole.trace(places)
     point = line.at(seen.along(angle))
     across = np.cross(point - sight.points, sight.directions)
     assert np.linalg.norm(across, axis=1).max() < 1e-6

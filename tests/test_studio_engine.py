@@ -20,17 +20,17 @@ from mirror_cad.errors import MirrorError, SpecError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec, preset_names, validate_spec
-from mirror_studio.setting import Setting
+from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web import engine, state
 from mirror_studio.web.controls import GROUPS
-from mirror_studio.web.protocol import Look, StoppedError, WrongShapeError, pack, read_message, unpack
+from mirror_studio.web.protocol import StoppedError, ViewSettings, WrongShapeError, pack, read_message, unpack
 from mirror_studio.web.turned import Turn, aimed
 from mirror_studio.web.uploads import NAME, Uploads
-from raytrace.camera import Frame
 from raytrace.image import driver_view
 from raytrace.measures.field_of_view import reflected_at
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import load_picture
+from raytrace.viewing.camera import Frame
 
 SPECS = ("progressive-c", "progressive-a", "sphere-950", "zoned-cylinder")
 
@@ -47,12 +47,12 @@ def uploads() -> Iterator[Uploads]:
 
 def test_figures_and_deviations_are_those_that_build_writes(tmp_path: Path) -> None:
     """`metrics.json` is traced on the surface read back from STEP, 1e-11 mm from the one here."""
-    from mirror_studio.pipeline import build
+    from mirror_studio.build.pipeline import build
     from mirror_studio.progress import Progress
 
     spec = load_spec("progressive-c")
     built = build(spec, tmp_path / "set", Progress(quiet=True))
-    shown = engine.show(spec, Look(), fine=True).header
+    shown = engine.show(spec, ViewSettings(), fine=True).header
     for key in ("h_fov_deg", "v_fov_left_deg"):
         for kind in ("section", "traced"):
             assert shown["figures"][key][kind] == pytest.approx(built.metrics[key][kind], rel=1e-9)
@@ -73,10 +73,10 @@ def test_surface_is_bit_for_bit_that_of_design(name: str) -> None:
 def test_picture_is_the_driver_view_of_that_surface() -> None:
     """The fine picture is the program's own with the same frame, but for what JPEG does to it."""
     spec = load_spec("progressive-c")
-    shown = engine.show(spec, Look(width=320, height=400), fine=True)
+    shown = engine.show(spec, ViewSettings(width=320, height=400), fine=True)
     left, top, pixel, columns, rows = shown.header["frames"]["picture"]
     mirror = design(spec)
-    setting = Setting.of(spec, mirror.box)
+    setting = ViewingSetup.of(spec, mirror.box)
     view, _ = driver_view(Reflector.from_mirror(mirror), setting.eye, setting.scene(load_picture("road"), spec),
                           Frame(left, top, pixel, columns, rows))
     with Image.open(io.BytesIO(shown.pictures["picture0"])) as picture:
@@ -116,14 +116,14 @@ def test_magnification_of_a_sphere_is_that_of_its_closed_form() -> None:
     turned by d·a/R: it leaves at a·(1 + 2d/R), so the mirror magnifies by 1/(1 + 2d/R) both ways."""
     spec = validate_spec(load_spec("sphere-950").model_dump(mode="python", exclude_none=True) | {
         "eye": {"distance_mm": 762.0, "aligned": "centre"}})
-    found = engine.probe(engine.designed(spec), Look(), 0.0, 0.0, 0)
+    found = engine.probe(engine.designed(spec), ViewSettings(), 0.0, 0.0, 0)
     assert found
     for key in ("across", "up"):
         assert found[key] == pytest.approx(1.0 / (1.0 + 2.0 * 762.0 / 950.0), rel=1e-4)
 
 
 def test_a_ray_beside_the_mirror_finds_nothing() -> None:
-    assert engine.probe(engine.designed(load_spec("sphere-950")), Look(), 300.0, 0.0, 0) is None
+    assert engine.probe(engine.designed(load_spec("sphere-950")), ViewSettings(), 300.0, 0.0, 0) is None
 
 
 def test_a_newer_request_ends_a_fine_picture() -> None:
@@ -131,7 +131,7 @@ def test_a_newer_request_ends_a_fine_picture() -> None:
         raise StoppedError
 
     with pytest.raises(StoppedError):
-        engine.show(load_spec("sphere-950"), Look(), fine=True, progress=stop)
+        engine.show(load_spec("sphere-950"), ViewSettings(), fine=True, progress=stop)
 
 
 # --- a turned mirror --------------------------------------------------------------------------------------------------
@@ -143,14 +143,14 @@ def test_turning_a_mirror_turns_what_its_middle_shows_by_twice_the_angle() -> No
         "eye": {"distance_mm": 762.0, "aligned": "centre"}})
     one = engine.designed(spec)
     for yaw in (-3.0, 2.0):
-        found = engine.probe(one, Look(yaw_deg=yaw), 0.0, 0.0, 0)
+        found = engine.probe(one, ViewSettings(yaw_deg=yaw), 0.0, 0.0, 0)
         assert found
         assert found["landed_mm"][0] == pytest.approx(one.setting.plane_z_mm * math.tan(math.radians(2.0 * yaw)), rel=1e-6)
 
 
 def test_fields_of_view_of_the_sections_do_not_change_with_the_pose() -> None:
     spec = load_spec("progressive-c")
-    straight, turned = (engine.show(spec, look).header["figures"] for look in (Look(), Look(yaw_deg=4.0, pitch_deg=-2.0)))
+    straight, turned = (engine.show(spec, look).header["figures"] for look in (ViewSettings(), ViewSettings(yaw_deg=4.0, pitch_deg=-2.0)))
     assert straight["h_fov_deg"]["section"] == turned["h_fov_deg"]["section"]
     assert straight["h_fov_deg"]["traced"] != turned["h_fov_deg"]["traced"]
 
@@ -181,7 +181,7 @@ def test_the_designs_own_file_beside_it_shows_the_same(tmp_path: Path, uploads: 
     mirror.export_step(tmp_path / "own.step")
     name = uploads.add("reflector", ".step", (tmp_path / "own.step").read_bytes())
     own = uploads.reflector(name)
-    shown = engine.show(spec, Look(width=400, height=300, yaw_deg=2.0), own=own)
+    shown = engine.show(spec, ViewSettings(width=400, height=300, yaw_deg=2.0), own=own)
     pictures = [np.asarray(Image.open(io.BytesIO(shown.pictures[key])), dtype=float) for key in ("picture0", "own0")]
     assert pictures[0].shape == pictures[1].shape
     assert np.mean(np.abs(pictures[0] - pictures[1])) < 0.5
@@ -198,7 +198,7 @@ def test_presets_go_to_the_page_and_to_toml_and_come_back(name: str, uploads: Up
     spec = load_spec(name)
     held = state.as_state(spec)
     assert state.as_spec(held, uploads) == spec
-    text = state.as_toml(spec, Look(yaw_deg=1.5))
+    text = state.as_toml(spec, ViewSettings(yaw_deg=1.5))
     again, look = state.read_toml(text, uploads)
     assert state.as_spec(again, uploads) == spec
     assert look

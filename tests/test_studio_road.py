@@ -31,7 +31,7 @@ from mirror_studio.drive.pictures import eye_picture
 from mirror_studio.scene_file import load_scene
 from mirror_studio.web import engine, motorway, road, state
 from mirror_studio.web.controls import GROUPS
-from mirror_studio.web.protocol import Look, StoppedError, unpack
+from mirror_studio.web.protocol import StoppedError, ViewSettings, unpack
 from mirror_studio.web.state import as_state
 from mirror_studio.web.uploads import Uploads
 from raytrace.measures.blind_zone import blind_zone
@@ -49,7 +49,7 @@ def silent(step: str, share: float) -> None:
 
 
 def seen(spec: MirrorSpec, fine: bool = False, **look: Any) -> engine.Shown:
-    return road.show(spec, Look(**(SMALL | look)), fine, None, silent)
+    return road.show(spec, ViewSettings(**(SMALL | look)), fine, None, silent)
 
 
 def decoded(picture: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -61,7 +61,7 @@ def decoded(picture: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def test_a_look_begins_where_the_scene_has_eyes_mirror_and_aim() -> None:
-    scene, stand = load_scene("motorway"), motorway.Stand.of(Look())
+    scene, stand = load_scene("motorway"), motorway.MountParameters.of(ViewSettings())
     assert scene.aim
     assert stand == (scene.mirror.hand, scene.aim.flank_share, scene.aim.horizon_share, scene.eyes.middle_m,
                      scene.eyes.separation_m)
@@ -138,9 +138,9 @@ def test_the_right_hand_mirror_is_the_reflection_of_the_left_one() -> None:
 @pytest.mark.parametrize("eyes", ["one", "both"])
 def test_what_a_probe_lands_on_is_seen_where_it_was_asked(eyes: str) -> None:
     """The way back: `View.find` looks for the point on the road, and finds the place."""
-    look = Look(**(SMALL | {"eyes": eyes}))
+    look = ViewSettings(**(SMALL | {"eyes": eyes}))
     one = engine.designed(load_spec("progressive-c"))
-    views = road.views_of(motorway.driven(one, motorway.Stand.of(look)), look)
+    views = road.views_of(motorway.driven(one, motorway.MountParameters.of(look)), look)
     for eye, view in enumerate(views):
         found = road.probe(one, look, 20.0, -120.0, eye)
         assert found
@@ -156,7 +156,7 @@ def test_what_a_probe_lands_on_is_seen_where_it_was_asked(eyes: str) -> None:
 
 
 def test_a_probe_names_what_its_ray_meets() -> None:
-    look, one = Look(**SMALL), engine.designed(load_spec("progressive-c"))
+    look, one = ViewSettings(**SMALL), engine.designed(load_spec("progressive-c"))
     met = {road.probe(one, look, float(x), float(y), 0)["road"]["what"]  # type: ignore[index]
            for x in range(-100, 101, 20) for y in range(-110, 111, 20)}
     assert {"road", "saloon", "suv", "sky", "own vehicle", "ground"} <= met
@@ -165,7 +165,7 @@ def test_a_probe_names_what_its_ray_meets() -> None:
 def test_own_mirror_is_aimed_alike() -> None:
     """At equal aim the same mirror, read from elsewhere, gives the same picture."""
     spec = load_spec("sphere-950")
-    shown = road.show(spec, Look(**SMALL), True, Reflector.from_mirror(design(spec)), silent)
+    shown = road.show(spec, ViewSettings(**SMALL), True, Reflector.from_mirror(design(spec)), silent)
     assert np.abs(decoded(shown.pictures["picture0"]) - decoded(shown.pictures["own0"])).mean() < 0.5
 
 
@@ -185,7 +185,7 @@ def test_a_newer_request_ends_a_fine_picture() -> None:
             raise StoppedError
 
     with pytest.raises(StoppedError):
-        road.show(load_spec("sphere-950"), Look(view="road", width=640, height=720), True, None, stop)
+        road.show(load_spec("sphere-950"), ViewSettings(view="road", width=640, height=720), True, None, stop)
     assert max(heard) < 0.5
 
 
@@ -221,7 +221,7 @@ def test_every_key_of_a_specification_is_among_the_controls() -> None:
     found = set(keys_of(MirrorSpec))
     assert {"part.number", "part.hand", "horizontal.match.sphere_mm", "scene.lane.slope"} <= found
     assert found - held - others == set()
-    looked = {f"look.{key}" for key in state.as_look(Look()) if key not in ("view", "eyes")}  # these two have buttons
+    looked = {f"look.{key}" for key in state.as_look(ViewSettings()) if key not in ("view", "eyes")}  # these two have buttons
     assert looked == {key for key in held if key.startswith("look.")}
 
 
@@ -230,7 +230,7 @@ def test_toml_holds_the_look_and_the_part() -> None:
     try:
         held = as_state(load_spec("progressive-c"))
         held["part"] = {"number": "A 123 456 78", "revision": "b", "hand": "right", "title": "Mirror, right"}
-        look = Look(view="road", hand="right", flank_share=0.2, eye_z_m=2.1, width=999)
+        look = ViewSettings(view="road", hand="right", flank_share=0.2, eye_z_m=2.1, width=999)
         text = state.as_toml(state.as_spec(held, uploads), look)
         again, looked = state.read_toml(text, uploads)
         assert again == held

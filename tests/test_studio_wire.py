@@ -31,12 +31,12 @@ from mirror_cad.mirror import design as design_of
 from mirror_cad.spec_file import load_spec
 from mirror_studio.web import engine, state
 from mirror_studio.web.downloads import unlike_the_page
-from mirror_studio.web.protocol import LARGEST_MESSAGE, Look, unpack
+from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, unpack
 from mirror_studio.web.state import as_state
 from mirror_studio.web.turned import Turn
 from mirror_studio.web.uploads import cleaned
-from raytrace.camera import Frame
 from raytrace.image import driver_view
+from raytrace.viewing.camera import Frame
 from tests.conftest import PAPER_MIRRORS
 from tests.studio_server import Studio, running, start
 
@@ -348,18 +348,18 @@ def test_a_file_that_is_no_longer_here_is_asked_for_and_an_own_mirror_hides_no_d
 
 def test_the_files_say_in_what_they_are_not_of_what_the_page_shows() -> None:
     spec = load_spec("progressive-c")
-    assert unlike_the_page(spec, Look()) == ()
-    assert unlike_the_page(spec, Look(yaw_deg=10.0, pitch_deg=-2.5)) == (
+    assert unlike_the_page(spec, ViewSettings()) == ()
+    assert unlike_the_page(spec, ViewSettings(yaw_deg=10.0, pitch_deg=-2.5)) == (
         "report, figures and driver-view.png are of the mirror without its yaw of 10° and pitch of −2.5°",)
-    assert unlike_the_page(spec, Look(view="road", yaw_deg=10.0)) == ()
+    assert unlike_the_page(spec, ViewSettings(view="road", yaw_deg=10.0)) == ()
     hand = "the STEP is the left-hand mirror; the right-hand one is its reflection in x = 0"
-    assert unlike_the_page(spec, Look(view="road", hand="right")) == (hand,)
-    assert unlike_the_page(spec, Look(hand="right")) == ()
+    assert unlike_the_page(spec, ViewSettings(view="road", hand="right")) == (hand,)
+    assert unlike_the_page(spec, ViewSettings(hand="right")) == ()
     named = spec.model_copy(update={"part": spec.part.model_copy(update={"hand": "right"})})
-    assert unlike_the_page(named, Look()) == (hand,)
+    assert unlike_the_page(named, ViewSettings()) == (hand,)
     # Whose eye sits where the driver of a right-hand mirror does, its laws were written for that side.
     its_own = named.model_copy(update={"eye": named.eye.model_copy(update={"aligned": "left"})})
-    assert unlike_the_page(its_own, Look()) == ()
+    assert unlike_the_page(its_own, ViewSettings()) == ()
 
 
 def test_a_picture_is_taken_as_the_page_shows_it(studio: Studio) -> None:

@@ -9,9 +9,14 @@ from hypothesis import strategies as st
 from scipy.interpolate import NdBSpline
 
 import mirror_cad
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.differential import principal_curvatures, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.grid import Grid
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import (
+    principal_curvatures,
+    principal_curvatures_of,
+    shape_operator,
+    shape_operator_of_sag,
+)
 from tests.conftest import PAPER_MIRRORS, constant, designed, spec_of
 
 

@@ -13,11 +13,11 @@ import mirror_cad
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
-from raytrace.eye import eye_position
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.trace import Status
+from raytrace.viewing.eye import eye_position
 from tests.conftest import PAPER_MIRRORS, constant, designed, spec_of
 
 ARCSEC = np.degrees(1.0) * 3600.0

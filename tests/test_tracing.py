@@ -9,13 +9,13 @@ import pytest
 
 import mirror_cad
 import raytrace
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.quadric import Quadric
-from raytrace.eye import eye_position
-from raytrace.patches import Patches
-from raytrace.quadrics import TrimmedQuadric
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.quadric import Quadric
 from raytrace.reflector import TrimmedSurface
+from raytrace.surfaces.patches import Patches
+from raytrace.surfaces.quadric import TrimmedQuadric
 from raytrace.trace import Status, Trace
+from raytrace.viewing.eye import eye_position
 from tests.conftest import constant, designed, spec_of
 from tests.extended import ARCSEC, reflected
 
@@ -263,7 +263,7 @@ def test_one_thread_and_two_give_the_same(monkeypatch: pytest.MonkeyPatch) -> No
     x, y = np.meshgrid(np.linspace(-130, 130, 500), np.linspace(-180, 180, 500))
     rays = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - EYE
     two = raytrace.reflect(reflector, EYE, rays)
-    monkeypatch.setattr("raytrace.trace.in_runs", lambda work, n: work(0, n))
+    monkeypatch.setattr("raytrace.trace.parallel_for", lambda work, n: work(0, n))
     one = raytrace.reflect(reflector, EYE, rays)
     assert np.array_equal(one.status, two.status)
     # A run's first block starts from elsewhere than inside a longer run: the last bits may differ, no more.

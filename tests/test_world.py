@@ -9,10 +9,10 @@ import pytest
 
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
-from raytrace.camera import Frame, rays_through
 from raytrace.errors import SceneError
 from raytrace.scene.reference import BACKGROUND
 from raytrace.scene.world import AMBIENT, HORIZON, ZENITH, TriangleWorld
+from raytrace.viewing.camera import Frame, rays_through
 
 EYE = np.array([0.0, 0.0, 500.0])
 HALF_MM = 100.0  # of the plane mirror, which is a square in z = 0

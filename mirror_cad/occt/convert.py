@@ -19,10 +19,10 @@ from OCP.TopAbs import TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import SurfaceError
 from mirror_cad.outline import Arc, Line, Spline
-from mirror_cad.quadric import Quadric
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.quadric import Quadric
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def is_reversed(face: TopoDS_Face) -> bool:
 
 # Trimming polygons stay this close to the pcurves, as a share of the parameter range in either direction.
 LOOP_CHORD = 1e-8
-MOST_CHORDS = 1 << 15  # of a smooth piece of a pcurve
+MAX_CHORDS = 1 << 15  # of a smooth piece of a pcurve
 
 
 def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
@@ -147,7 +147,7 @@ def _polyline(curve: BRepAdaptor_Curve2d, scale: Array) -> Array:
             t = np.linspace(start, end, 2 * chords + 1)
             uv = np.array([curve.Value(float(value)).Coord() for value in t])
             off = np.abs(uv[1::2] - 0.5 * (uv[:-1:2] + uv[2::2])) / scale
-            if off.max() <= LOOP_CHORD or chords >= MOST_CHORDS:
+            if off.max() <= LOOP_CHORD or chords >= MAX_CHORDS:
                 break
             chords *= max(2, min(64, int(np.sqrt(off.max() / LOOP_CHORD))))  # the error falls with the square
         pieces.append(uv[::2][:-1] if chords == 1 else uv[:-1])

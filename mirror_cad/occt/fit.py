@@ -11,12 +11,12 @@ from OCP.GeomAPI import GeomAPI_PointsToBSplineSurface
 from OCP.TColStd import TColStd_Array2OfReal
 
 from mirror_cad.errors import SurfaceError
-from mirror_cad.fit import Fit, FitTask, measure
 from mirror_cad.occt.convert import from_geom_surface
+from mirror_cad.surfaces.fit import Fit, FitTask, measure
 
 # With 73 or more points a direction OCCT 7.8 and 7.9 get the end tangents of an interpolation wrong: a dent between the
 # nodes with every node hit and IsDone() true. 72 is the most that is safe.
-MOST_POINTS = 72
+MAX_POINTS = 72
 
 
 def fit_by_kernel(task: FitTask, route: str) -> Fit:
@@ -28,7 +28,7 @@ def fit_by_kernel(task: FitTask, route: str) -> Fit:
     """
     start = time.perf_counter()
     x_min, x_max, y_min, y_max = task.domain
-    n = MOST_POINTS
+    n = MAX_POINTS
     x, y = np.linspace(x_min, x_max, n), np.linspace(y_min, y_max, n)
     z = task.sag.height(x[:, None], y)
     if not np.isfinite(z).all():

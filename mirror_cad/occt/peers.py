@@ -19,9 +19,9 @@ from OCP.gp import gp_Pnt
 from OCP.TColgp import TColgp_Array2OfPnt
 from OCP.TopoDS import TopoDS_Solid
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import SurfaceError
 from mirror_cad.occt.convert import face_as_bspline, from_geom_surface, to_geom_surface
+from mirror_cad.surfaces.bspline import BSplineSurface
 
 Array = NDArray[np.float64]
 Route = Callable[[], Any]

@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.differential import normals
 from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.triangulation import doubled_area, sides_of, triangles_within
 from mirror_cad.outline import Arc, Outline, Segment, Spline
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import normals
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-MOST_FACETS = 1_000_000  # of the optical face: an STL of 100 MB, and a minute
+MAX_FACETS = 1_000_000  # of the optical face: an STL of 100 MB, and a minute
 # A facet in a circle of radius ρ of the metric misses by 4·ρ²·LATTICE_SHARE of the deflection at most, to second order:
 # on the lattice ρ = 0.58, beside the rim up to 0.7. Up to 0.5 would do; light, which sees the facets' slopes, is given more.
 LATTICE_SHARE = 0.4
@@ -45,13 +45,13 @@ def plate_mesh(front: BSplineSurface, back: BSplineSurface, outline: Outline, de
 
     front, back : surfaces on the same parameters; front looks along S_u × S_v. Both get the same nodes in (u, v), and a
     side runs straight from a node of the rim in front to its like behind. Facets: front, back, sides.
-    Raises: WriteError where the deflection asks for more than MOST_FACETS, or does not come to hold.
+    Raises: WriteError where the deflection asks for more than MAX_FACETS, or does not come to hold.
     """
     faces = (front, back)
     metric = _Metric.of(faces, outline, deflection_mm)
-    if not metric.facets <= MOST_FACETS:
+    if not metric.facets <= MAX_FACETS:
         raise WriteError(f"a deflection of {deflection_mm:.2g} mm takes some {metric.facets:,.0f} facets on this mirror, more "
-                         f"than {MOST_FACETS:,}: ask for {deflection_mm * metric.facets / MOST_FACETS:.2g} mm")
+                         f"than {MAX_FACETS:,}: ask for {deflection_mm * metric.facets / MAX_FACETS:.2g} mm")
     rim = _Rim.of(faces, outline, metric, deflection_mm)
     inside = metric.lattice(outline, rim)
     for _ in range(ROUNDS):
@@ -153,8 +153,8 @@ class _Rim:
             middles = 0.5 * (rim.keys[wide] + rim._ends()[wide])
             fresh = np.searchsorted(halved.keys, np.sort(np.concatenate([rim.keys[wide], middles])))
             rim = halved
-            if len(rim.keys) > MOST_FACETS:
-                raise WriteError(f"a deflection of {deflection_mm:.2g} mm takes more than {MOST_FACETS:,} edges around this "
+            if len(rim.keys) > MAX_FACETS:
+                raise WriteError(f"a deflection of {deflection_mm:.2g} mm takes more than {MAX_FACETS:,} edges around this "
                                  "outline: ask for more, or for a simpler outline")
         return rim
 

@@ -22,11 +22,11 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import SolidError
 from mirror_cad.occt.convert import to_geom_surface, to_pcurve
-from mirror_cad.offset import Side, offset_surface
 from mirror_cad.outline import Outline
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.offset import Side, offset_surface
 
 Array = NDArray[np.float64]
 

@@ -26,11 +26,11 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_ColorTool, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.occt.convert import face_as_bspline, face_as_quadric
 from mirror_cad.occt.solid import faces_of, solids_of
-from mirror_cad.quadric import Quadric
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.quadric import Quadric
 
 OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"  # of glass that reflects from its back: light goes in and out there

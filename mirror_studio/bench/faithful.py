@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from mirror_cad.faithful import Level
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec, validate_spec
+from mirror_cad.surfaces.faithful import Level
 from mirror_studio.bench.table import Column, Plot, Table
-from mirror_studio.methods import compare_methods, with_method
+from mirror_studio.build.methods import compare_methods, with_method
 
 # Mirror, degree, spans over its box. The finest are a mirror's own measure of where its deviation stops falling.
 COARSE, FINE = ((4, 3), (6, 4), (8, 6), (12, 8)), ((18, 12),)

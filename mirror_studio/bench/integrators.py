@@ -17,9 +17,9 @@ from mirror_cad import curvature
 from mirror_cad.curvature import CurvatureLaw, Span
 from mirror_cad.laws import law_from
 from mirror_cad.mirror import design
-from mirror_cad.piecewise import PiecewiseChebyshev
-from mirror_cad.profile import Profile, integrate_exactly, march, sine_of_tangent_angle
+from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_of_tangent_angle
 from mirror_cad.spec_file import load_spec
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.bench.measuring import convergence, median_seconds
 from mirror_studio.bench.table import Column, Plot, Table
 
@@ -139,7 +139,7 @@ def _methods(case: Case) -> Iterator[tuple[str, dict[str, float], Callable[[], P
     steps = [equal_step(h) for h in STEPS_MM]
     for method, rule in MARCHED.items():
         for h in steps:
-            yield method, {"step_mm": h}, partial(march, kappa, exact, rule, h)
+            yield method, {"step_mm": h}, partial(integrate_ode, kappa, exact, rule, h)
     for h in steps:
         yield SPLINE, {"step_mm": h}, partial(spline_quadrature, kappa, exact, h)
     for rtol in RELATIVE_TOLERANCES:

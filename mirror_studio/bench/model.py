@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 import mirror_cad
 from mirror_cad import curvature
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
-from mirror_cad.fit import FitTask, fit_by_collocation
 from mirror_cad.grid import Grid
 from mirror_cad.mirror import Mirror
-from mirror_cad.piecewise import PiecewiseChebyshev, approximate
 from mirror_cad.profile import Profile, integrate_exactly, sine_of_tangent_angle
 from mirror_cad.sections import DecoupledSag
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_cad.surfaces.fit import FitTask, fit_by_collocation
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
 from mirror_studio.bench.table import Column, Table
 
 Array = NDArray[np.float64]

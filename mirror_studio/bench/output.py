@@ -12,7 +12,7 @@ import numpy as np
 
 from mirror_studio.bench.plots import figure_of
 from mirror_studio.bench.table import Column, Table
-from mirror_studio.pipeline import versions, write_json
+from mirror_studio.build.pipeline import versions, write_json
 from mirror_studio.report.text import count, number, templates
 
 

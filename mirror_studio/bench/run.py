@@ -10,7 +10,7 @@ from typing import Any
 
 from mirror_cad.errors import SpecError
 from mirror_studio.bench.table import Table
-from mirror_studio.folder import MANIFEST, new_set
+from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.progress import Progress
 
 # Part -> heading on the page. Each is a module here, of the same name with underscores, with `tables`.
@@ -40,7 +40,7 @@ def run_bench(names: Sequence[str], out: Path, progress: Progress) -> dict[str, 
             parts[name] = PARTS[name], _tables_of(name, progress)
         progress.step("bench: tables, plots and page")
         from mirror_studio.bench.output import write_tables
-        from mirror_studio.pipeline import hashes, write_json
+        from mirror_studio.build.pipeline import hashes, write_json
 
         content = write_tables(folder, parts)
         write_json(folder / MANIFEST, {"schema": 1, "parts": chosen, "versions": content["versions"], "files": hashes(folder)})

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.collocation import collocate_height
-from mirror_cad.differential import ShapeOperator, shape_operator, shape_operator_of_sag
-from mirror_cad.fit import curvature_percent
 from mirror_cad.grid import Grid
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt import peers
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec, validate_spec
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.collocation import collocate_height
+from mirror_cad.surfaces.differential import ShapeOperator, shape_operator, shape_operator_of_sag
+from mirror_cad.surfaces.fit import curvature_percent
 from mirror_studio.bench.integrators import SMOOTH_LAW
 from mirror_studio.bench.measuring import convergence, median_seconds
 from mirror_studio.bench.table import Column, Plot, Table
@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 DEGREES = (3, 5, 7)
 SPANS = ((8, 4), (16, 8), (32, 16), (64, 32), (128, 64))
 INTERPOLATED = (50, 72, 73, 100)
-MOST_INTERPOLATED = 72  # points a direction; with more the kernel's interpolation has a dent
-LEAST_APPROXIMATED = 50  # points a direction; with fewer a tight approximation swings between them
+MAX_INTERPOLATED = 72  # points a direction; with more the kernel's interpolation has a dent
+MIN_APPROXIMATED = 50  # points a direction; with fewer a tight approximation swings between them
 PLAIN, TIGHT = (3, 8, 1e-3), (5, 8, 1e-6)  # degrees and tolerance (mm) of the kernel's approximation
 TIGHT_FACE_MM = 1e-5
 NEWTON_STEPS, FOUND_MM = 20, 1e-9  # where a folded surface has no such place, the search ends here
@@ -148,10 +148,10 @@ def _foreign(judge: Judge) -> Iterator[dict[str, Any]]:
 
     routes: list[tuple[str, str, peers.Route]] = []
     for n in INTERPOLATED:
-        name = "OCCT interpolation" + (", too many points" if n > MOST_INTERPOLATED else "")
+        name = "OCCT interpolation" + (", too many points" if n > MAX_INTERPOLATED else "")
         routes.append((name, f"{n}²", peers.occt_interpolation(points(n))))
     for n, (lowest, highest, tolerance_mm) in ((50, PLAIN), (50, TIGHT), (100, TIGHT), (25, TIGHT)):
-        name = "OCCT approximation" + (", too few points" if n < LEAST_APPROXIMATED else "")
+        name = "OCCT approximation" + (", too few points" if n < MIN_APPROXIMATED else "")
         routes.append((name, f"{n}², degree {lowest}–{highest}, {given(tolerance_mm, 'mm')}",
                        peers.occt_approximation(points(n), lowest, highest, tolerance_mm)))
     tight = given(TIGHT_FACE_MM, "mm")

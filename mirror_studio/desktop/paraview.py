@@ -9,9 +9,9 @@ import numpy as np
 import pyvista
 
 from mirror_cad.errors import SpecError, WriteError
+from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.desktop.sheet import UNITS, Sheet
 from mirror_studio.desktop.subject import Fan, Subject
-from mirror_studio.folder import MANIFEST, new_set
 
 MIRROR, RAYS = "mirror.vtp", "rays.vtp"
 
@@ -49,7 +49,7 @@ def write_vtp(subject: Subject, target: Path) -> None:
             raise SpecError(f"--vtp {target}: there is no folder {target.parent}")
         _write(subject, target, target.with_name(f"{target.stem}-rays.vtp"))
         return
-    from mirror_studio.pipeline import hashes, write_json
+    from mirror_studio.build.pipeline import hashes, write_json
 
     with new_set(target) as folder:
         _write(subject, folder / MIRROR, folder / RAYS)

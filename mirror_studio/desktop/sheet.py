@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.designed import DesignedCurvature
-from mirror_cad.differential import ShapeOperator, normals, principal_curvatures_of, shape_operator
 from mirror_cad.errors import SurfaceError
-from mirror_cad.quadric import Quadric
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import ShapeOperator, normals, principal_curvatures_of, shape_operator
+from mirror_cad.surfaces.quadric import Quadric
 from mirror_studio.report.fields import differences, percent_of
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec
 from mirror_studio.desktop.sheet import Sheet, sheet
-from mirror_studio.setting import Setting
+from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.reflector import OPTICAL_FACE, Reflector, reflector_of
 from raytrace.trace import Status, reflect
 
@@ -76,7 +76,7 @@ def _of_step(path: Path) -> Subject:
 
 def _fan(reflector: Reflector, shown: Sheet, spec: MirrorSpec) -> Fan:
     (x_min, y_min, _), (x_max, y_max, _) = shown.vertices.min(axis=0), shown.vertices.max(axis=0)
-    setting = Setting.of(spec, (float(x_min), float(x_max), float(y_min), float(y_max)))
+    setting = ViewingSetup.of(spec, (float(x_min), float(x_max), float(y_min), float(y_max)))
     y, x = (low + (high - low) * (np.arange(n) + 0.5) / n for n, low, high in ((FAN[0], y_min, y_max), (FAN[1], x_min, x_max)))
     aimed = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1).reshape(-1, 3)
     trace = reflect(reflector, setting.eye, aimed - setting.eye)

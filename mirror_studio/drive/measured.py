@@ -15,13 +15,11 @@ from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
 from raytrace.errors import TraceError
-from raytrace.eye import eye_position
 from raytrace.measures.angular_size import AngularSize, Face, angular_sizes
 from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_zone, hidden_car
 from raytrace.measures.column_tilt import Tilt, column_tilt
 from raytrace.measures.disparity import Disparity, disparity
 from raytrace.measures.eye_fields import EyeFields, extent, eye_fields
-from raytrace.measures.eye_views import EyeViews
 from raytrace.measures.field_of_view import GlassSheets
 from raytrace.measures.grid_distortion import GridDistortion, grid_distortion
 from raytrace.measures.ground import (
@@ -35,13 +33,15 @@ from raytrace.measures.ground import (
 )
 from raytrace.measures.lane import StraightLane, lane_straightness
 from raytrace.measures.line_bow import Bow, line_bow
-from raytrace.measures.line_image import column, road_line
 from raytrace.measures.magnification import MagnificationMap, magnification_map
-from raytrace.measures.orientation import Orientation, orientation
 from raytrace.measures.road_straightness import RoadStraightness, road_straightness
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
-from raytrace.view import box_of
+from raytrace.viewing.eye import eye_position
+from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.view import box_of
+from raytrace.visibility.line_image import column, road_line
+from raytrace.visibility.orientation import Orientation, orientation
 
 Array = NDArray[np.float64]
 
@@ -176,7 +176,7 @@ def figures(measured: Measured) -> dict[str, Any]:
     """Every figure, as measures.json holds it: a number, a list of numbers, or null for what the mirror does not show.
 
     Of a mirror that shows some things twice, all that is bounded by its edge or found by the inverse ray is null: it would be
-    told wrongly (`raytrace.measures.orientation`).
+    told wrongly (`raytrace.visibility.orientation`).
     """
     found = _figures(measured)
     if measured.orientation.twice:

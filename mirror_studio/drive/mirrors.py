@@ -14,14 +14,14 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec
 from mirror_studio.drive.world import MM, eyes_of, own_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
-from raytrace.aim import Aim, aimed, shown_aim
-from raytrace.bezel import under_bezel
 from raytrace.errors import TraceError
-from raytrace.measures.eye_views import EyeViews
-from raytrace.pose import Pose
 from raytrace.reflector import Reflector, load_reflector
-from raytrace.vehicle import Eyes, OwnVehicle
-from raytrace.view import box_of
+from raytrace.viewing.aim import Aim, aimed, shown_aim
+from raytrace.viewing.bezel import visible_aperture
+from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes, HostVehicle
+from raytrace.viewing.view import box_of
 
 SMALLEST_MM, LARGEST_MM = 10.0, 1e4  # across: what a mirror on a vehicle can be
 FILES = (".step", ".stp", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
@@ -39,7 +39,7 @@ class DrivenMirror:
     reflector: Reflector
     pose: Pose
     eyes: Eyes
-    own: OwnVehicle
+    own: HostVehicle
     spec: MirrorSpec | None = None
 
     @cached_property
@@ -97,7 +97,7 @@ def exported(spec: MirrorSpec) -> Reflector:
 
 def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:
     """A reflector under the scene's bezel, aimed as the scene says."""
-    reflector = under_bezel(whole, MM * scene.mirror.bezel_over_m)
+    reflector = visible_aperture(whole, MM * scene.mirror.bezel_over_m)
     eyes, own, pose = eyes_of(scene), own_vehicle_of(scene), pose_of(scene)
     if scene.mirror.yaw_deg is None:
         wanted = scene.aim or AimSection()

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import bodies_of, daylight_of, housing_body, road_of
 from mirror_studio.scene_file import SceneFile
-from raytrace.bezel import housing
-from raytrace.camera import Camera
 from raytrace.image import photograph
 from raytrace.measures.magnification import mirror_grid, ray_differentials
 from raytrace.scene.bodies import Body
-from raytrace.scene.driven import Cones, DrivenWorld, Lit
 from raytrace.scene.lit_world import LitWorld
+from raytrace.scene.mirror_scene import Cones, Lit, MirrorScene
 from raytrace.scene.reference import Picture
 from raytrace.scene.woods import Woods
-from raytrace.view import View
+from raytrace.viewing.bezel import housing
+from raytrace.viewing.camera import Camera
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ def eye_picture(mirror: DrivenMirror, view: View, world: World, beside: Lit, wid
                 progress: Callable[[float], None] | None = None) -> tuple[Picture, dict[str, int]]:
     """What one eye sees, looking at the middle of the mirror: the mirror, its housing, and the world beside it."""
     camera, pixel = camera_at(mirror, view, width, height)
-    driven = DrivenWorld(world.lit, beside, view.pose, world.reflectance, 0.5 * pixel, cones_of(view))
+    driven = MirrorScene(world.lit, beside, view.pose, world.reflectance, 0.5 * pixel, cones_of(view))
     return photograph(view.reflector, camera, driven, progress, SAMPLES, CONTRAST)
 
 

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from mirror_cad.spec import Eye
+from mirror_studio.build.folder import MANIFEST, new_set
+from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.drive.pictures import World
 from mirror_studio.drive.world import MM, pose_of
-from mirror_studio.folder import MANIFEST, new_set
-from mirror_studio.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
-from raytrace.camera import Camera
-from raytrace.eye import eye_position
 from raytrace.image import photograph
-from raytrace.pose import STRAIGHT, Pose
-from raytrace.scene.driven import Cones, DrivenWorld
+from raytrace.scene.mirror_scene import Cones, MirrorScene
 from raytrace.scene.reference import Picture
+from raytrace.viewing.camera import Camera
+from raytrace.viewing.eye import eye_position
+from raytrace.viewing.pose import STRAIGHT, Pose
 
 WIDTH_MM, HEIGHT_MM, CENTRE_MM = 10_000.0, 10_800.0, (-2500.0, -1200.0)
 WIDTH_PX = 2500
@@ -52,7 +52,7 @@ def reference_picture(scene: SceneFile, world: World, progress: Callable[[float]
     camera = Camera(np.zeros(3), np.array([left, top, plane_mm()]), np.array([-size, 0.0, 0.0]), np.array([0.0, -size, 0.0]),
                     width_px, round(HEIGHT_MM / size))
     same = Cones((0.0, 1.0, 0.0, 1.0), np.ones((2, 2)))
-    driven = DrivenWorld(world.lit, world.lit, straight, 1.0, 0.5 * size / plane_mm(), same)
+    driven = MirrorScene(world.lit, world.lit, straight, 1.0, 0.5 * size / plane_mm(), same)
     return photograph(None, camera, driven, progress)[0]
 
 

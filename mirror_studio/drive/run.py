@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from mirror_cad.spec_file import spec_as_json
+from mirror_studio.build.folder import MANIFEST, new_set
+from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.drive import drawings
 from mirror_studio.drive.in_plan import Array, footprint
 from mirror_studio.drive.measured import Measured, figures, main_figures, measure, subject_of
@@ -17,8 +19,6 @@ from mirror_studio.drive.sensitivity import sensitivity
 from mirror_studio.drive.sheet import picture_name, write_sheet
 from mirror_studio.drive.table import write_csv
 from mirror_studio.drive.world import MM
-from mirror_studio.folder import MANIFEST, new_set
-from mirror_studio.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
 

@@ -10,7 +10,7 @@ from typing import Any
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.drive.mirrors import DrivenMirror, exported
-from raytrace.bezel import under_bezel
+from raytrace.viewing.bezel import visible_aperture
 
 TURN_DEG, RADII = 1.0, 0.05  # what a driver's hand and a glass maker's tolerance are good for
 
@@ -28,7 +28,7 @@ def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures]
     if mirror.spec is not None:
         for sign, word in ((1.0, "+"), (-1.0, "−")):
             whole = exported(with_radii(mirror.spec, 1.0 + sign * RADII))
-            other = replace(mirror, whole=whole, reflector=under_bezel(whole, over_mm))
+            other = replace(mirror, whole=whole, reflector=visible_aperture(whole, over_mm))
             found[f"R {word}{100 * RADII:g} %"] = figures(other)
     return found
 

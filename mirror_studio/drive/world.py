@@ -13,12 +13,12 @@ from mirror_cad.errors import MirrorError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_studio.scene_file import BodySection, SceneFile
 from raytrace.errors import SceneError
-from raytrace.pose import Pose
 from raytrace.scene.bodies import Body, body_of, read_body
 from raytrace.scene.daylight import Daylight
 from raytrace.scene.materials import Colour, Material, linear
 from raytrace.scene.road import LaneLine, Road
-from raytrace.vehicle import Eyes, OwnVehicle
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes, HostVehicle
 
 Array = NDArray[np.float64]
 
@@ -31,10 +31,10 @@ def eyes_of(scene: SceneFile) -> Eyes:
     return Eyes(MM * np.array(scene.eyes.middle_m), MM * scene.eyes.separation_m)
 
 
-def own_vehicle_of(scene: SceneFile) -> OwnVehicle:
+def own_vehicle_of(scene: SceneFile) -> HostVehicle:
     """The box of the driver's vehicle."""
     own = scene.own_vehicle
-    return OwnVehicle(0.5 * MM * own.width_m, MM * own.front_m, MM * own.rear_m, MM * own.height_m)
+    return HostVehicle(0.5 * MM * own.width_m, MM * own.front_m, MM * own.rear_m, MM * own.height_m)
 
 
 def pose_of(scene: SceneFile) -> Pose:

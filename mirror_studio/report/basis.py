@@ -8,7 +8,7 @@ from typing import Any
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mirror import Mirror
 from mirror_studio.report.fields import QUANTITIES
-from mirror_studio.report.findings import Findings
+from mirror_studio.report.report_data import ReportData
 from mirror_studio.report.stages import NUMERICAL, STAGE_NAMES, largest_of_pair
 from mirror_studio.report.text import count, fixed, number, with_unit
 from mirror_studio.report.uncertainty import Uncertainty
@@ -16,7 +16,7 @@ from mirror_studio.report.uncertainty import Uncertainty
 SAMPLING_DIGITS = 5  # the grid and its refinement differ in the fourth or later
 
 
-def basis_rows(mirror: Mirror, metrics: Mapping[str, Any], findings: Findings) -> list[tuple[str, str]]:
+def basis_rows(mirror: Mirror, metrics: Mapping[str, Any], findings: ReportData) -> list[tuple[str, str]]:
     """Evaluated area, what realised and designed are, grid, averages, signs and percent."""
     found = findings.uncertainty
     (nx, ny), (inside, edge) = found.cells, found.places

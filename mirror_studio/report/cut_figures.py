@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mirror_studio.report.cuts import Cut
 from mirror_studio.report.drawing import WIDTH, Panel, Range, drawing, legend
-from mirror_studio.report.fields import FAR_LIMIT, LEAST_CURVATURE_PER_M, LEAST_PERCENT, radius_pair, widened
+from mirror_studio.report.fields import FAR_LIMIT, MIN_CURVATURE_PER_M, MIN_PERCENT, radius_pair, widened
 from mirror_studio.report.maps import DESIGNED, LIMIT, REALISED
 from mirror_studio.report.text import given
 
@@ -69,7 +69,7 @@ def comb_figure(cuts: list[Cut]) -> bytes:
         width = (WIDTH - LEFT - RIGHT - APART * (len(some) - 1)) / len(some)
         length = max(float(np.nanmax(cut.place) - np.nanmin(cut.place)) for cut in some)
         largest = max(float(np.nanmax(np.abs(cut.plane_curvature))) for cut in some)
-        scale = LONGEST_TOOTH * length / max(largest, 1e-3 * LEAST_CURVATURE_PER_M)
+        scale = LONGEST_TOOTH * length / max(largest, 1e-3 * MIN_CURVATURE_PER_M)
         combs = [_comb(cut, scale) for cut in some]
         drawn = np.concatenate([np.concatenate(comb, axis=1) for comb in combs], axis=1)
         low, high = np.nanmin(drawn, axis=1), np.nanmax(drawn, axis=1)
@@ -123,7 +123,7 @@ def _radii(cuts: list[Cut], name: str, part: str, key: str) -> tuple[str, list[S
             band = in_unit(cut.band[key][0]), in_unit(cut.band[key][1])
         shown.append((in_unit(getattr(cut.designed, part)), in_unit(getattr(cut.realised, part)), band))
     both = np.concatenate([pair.designed, pair.realised])
-    least = LEAST_CURVATURE_PER_M if pair.as_curvature else 2e-3 * float(np.abs(both).max())
+    least = MIN_CURVATURE_PER_M if pair.as_curvature else 2e-3 * float(np.abs(both).max())
     low, high = widened(float(both.min()), float(both.max()), least)
     edges = np.concatenate([edge for *_, band in shown if band is not None for edge in band] or [both])
     # The band opens the scale as long as the curves can still be told apart on it.
@@ -135,7 +135,7 @@ def _radii(cuts: list[Cut], name: str, part: str, key: str) -> tuple[str, list[S
 
 def _deviation_range(cuts: list[Cut], key: str, limit_percent: float | None) -> Range:
     largest = max(float(np.nanmax(np.abs(cut.deviation[key]))) for cut in cuts)
-    span = max(1.15 * largest, LEAST_PERCENT if cuts[0].unit == "%" else LEAST_CURVATURE_PER_M)
+    span = max(1.15 * largest, MIN_PERCENT if cuts[0].unit == "%" else MIN_CURVATURE_PER_M)
     if limit_percent is not None and cuts[0].unit == "%" and limit_percent <= FAR_LIMIT * span:
         span = max(span, 1.15 * limit_percent)
     return -span, span

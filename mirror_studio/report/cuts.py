@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.designed import FLOOR
-from mirror_cad.differential import ShapeOperator, shape_operator
 from mirror_cad.mirror import Mirror
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import ShapeOperator, shape_operator
 from mirror_studio.report.fields import differences, percent_of
 from mirror_studio.report.tables import Table
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mirror_cad.designed import FLOOR, percent_scale
 from mirror_cad.deviation import CurvatureDeviation
-from mirror_cad.differential import ShapeOperator, principal_curvatures_of
 from mirror_cad.grid import Grid
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of
 
 Array = NDArray[np.float64]
 
@@ -18,9 +18,9 @@ QUANTITIES = ("k1", "k2", "kx", "ky", "twist")
 # A radius beyond this is as good as flat, and would leave the colours of a scale in mm to one end.
 LARGEST_RADIUS_MM = 1e5
 # Differences below these are the last digits of float64: a scale finer than this would paint them as structure.
-LEAST_SPREAD = 1e-6  # of the values' size
-LEAST_CURVATURE_PER_M = 1e-6
-LEAST_PERCENT = 1e-6
+MIN_SPREAD = 1e-6  # of the values' size
+MIN_CURVATURE_PER_M = 1e-6
+MIN_PERCENT = 1e-6
 # A limit this many times beyond the largest deviation is named beside the scale: on it, the maps would be blank.
 FAR_LIMIT = 3.0
 # Beyond this a deviation is larger than the curvature it is a percent of, as where a law passes through zero: one line of
@@ -43,7 +43,7 @@ class Pair:
         """The one scale of both, in `unit`."""
         low = float(min(self.designed.min(), self.realised.min()))
         high = float(max(self.designed.max(), self.realised.max()))
-        least = LEAST_CURVATURE_PER_M if self.unit == "1/m" else LEAST_SPREAD * max(abs(low), abs(high))
+        least = MIN_CURVATURE_PER_M if self.unit == "1/m" else MIN_SPREAD * max(abs(low), abs(high))
         return widened(low, high, least)
 
 
@@ -66,7 +66,7 @@ class DeviationFields:
 
     @property
     def scale(self) -> float:
-        least = LEAST_PERCENT if self.unit == "%" else LEAST_CURVATURE_PER_M
+        least = MIN_PERCENT if self.unit == "%" else MIN_CURVATURE_PER_M
         largest = max(self.largest, least)
         return largest if self.limit is None or self.limit_is_far else max(largest, 1.1 * self.limit)
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.interpolate import CubicSpline
 
-from mirror_cad.bspline import BSplineSurface
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.report.tables import Table
-from raytrace.camera import Frame
 from raytrace.measures.field_of_view import GlassSheets, towards
 from raytrace.measures.lane import StraightLane, lane_height
+from raytrace.viewing.camera import Frame
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

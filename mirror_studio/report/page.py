@@ -13,11 +13,11 @@ from mirror_cad.deviation import CurvatureDeviation
 from mirror_studio.report.basis import basis_rows, rounding_rows, sampling_rows
 from mirror_studio.report.cut_figures import comb_figure, radius_figure
 from mirror_studio.report.fields import LARGEST_PERCENT, QUANTITIES, DeviationFields, pairs_of
-from mirror_studio.report.findings import Findings
 from mirror_studio.report.heading import HANDS, SIGNATURES, contradictions, heading
 from mirror_studio.report.histogram import histogram_figure
 from mirror_studio.report.maps import deviation_maps, pair_maps
 from mirror_studio.report.marked_view import marked_view
+from mirror_studio.report.report_data import ReportData
 from mirror_studio.report.rows import VIEW_DECIMALS, change_rows, probe_rows, requirement_groups
 from mirror_studio.report.side_by_side import side_by_side
 from mirror_studio.report.stages import (
@@ -49,8 +49,8 @@ from mirror_studio.report.text import (
     with_unit,
 )
 from mirror_studio.report.verdict_table import Requirement, view_requirements
-from mirror_studio.setting import Setting
-from raytrace.camera import Frame
+from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.viewing.camera import Frame
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
@@ -71,7 +71,7 @@ UNITS = {"_mm": "mm", "_mm2": "mm²", "_mm3": "mm³", "_deg": "°", "_percent": 
 
 
 def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metrics: dict[str, Any],
-                 manifest: dict[str, Any], driver_view_png: bytes, findings: Findings) -> None:
+                 manifest: dict[str, Any], driver_view_png: bytes, findings: ReportData) -> None:
     """Write the report of one mirror: a page without scripts and external requests, readable in print on A4.
 
     metrics : fields of view in degrees, lane straightness in percent, STL on the plane in mm, both methods side by side,
@@ -79,7 +79,7 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
     """
     pairs = pairs_of(deviation)
     limit, surface, fields = mirror.spec.limits.curvature_percent, mirror.spec.surface, findings.fields
-    frame, eye = Frame.around(mirror.box, mirror.spec.view.width_px), Setting.of(mirror.spec, mirror.box).eye
+    frame, eye = Frame.around(mirror.box, mirror.spec.view.width_px), ViewingSetup.of(mirror.spec, mirror.box).eye
     across, upright = ([cut for cut in findings.cuts if cut.along == along] for along in ("x", "y"))
     figures = {
         "radii": _uri("image/png", pair_maps(deviation, mirror.outline, pairs[:2])),

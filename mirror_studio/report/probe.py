@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.differential import normals, principal_curvatures_of, shape_operator
 from mirror_cad.outline import Outline
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import normals, principal_curvatures_of, shape_operator
 from mirror_studio.report.tables import Table
 
 Array = NDArray[np.float64]

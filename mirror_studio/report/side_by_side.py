@@ -18,7 +18,7 @@ SAME_DEG, SAME_LANE_PERCENT = 0.005, 0.05
 def side_by_side(methods: Mapping[str, Any] | None, built: str, distance_mm: float) -> dict[str, Any] | None:
     """What the section “Decoupled and faithful” shows; None without measurements.
 
-    methods : as `mirror_studio.methods.compare_methods` returns it.   distance_mm : from the eye to the lane's plane.
+    methods : as `mirror_studio.build.methods.compare_methods` returns it.   distance_mm : from the eye to the lane's plane.
     """
     if not methods:
         return None

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from mirror_cad.deviation import CurvatureDeviation
-from mirror_cad.differential import rms_norm
-from mirror_cad.faithful import Faithful
+from mirror_cad.surfaces.differential import rms_norm
+from mirror_cad.surfaces.faithful import Faithful
 from mirror_studio.report.fields import QUANTITIES
 from mirror_studio.report.tables import Table
 from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, place, plain, with_unit

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.deviation import CurvatureDeviation, Stage
-from mirror_cad.differential import principal_curvatures_of
 from mirror_cad.mirror import Mirror
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import principal_curvatures_of
 from mirror_studio.report.tables import Table
 
 if TYPE_CHECKING:

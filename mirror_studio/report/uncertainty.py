@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.designed import FLOOR, DesignedCurvature
 from mirror_cad.deviation import CurvatureDeviation
-from mirror_cad.differential import ShapeOperator, rms_norm, shape_operator_of_sag
 from mirror_cad.grid import EDGE_PLACES, GRID, Grid
 from mirror_cad.mirror import Mirror
-from mirror_cad.piecewise import PiecewiseChebyshev
 from mirror_cad.sections import SagDerivatives
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import ShapeOperator, rms_norm, shape_operator_of_sag
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.report.fields import QUANTITIES, DeviationFields, differences, percent_of
 from mirror_studio.report.tables import Table
 

@@ -112,8 +112,8 @@ def _of_numerics(mirror: Mirror, deviation: CurvatureDeviation) -> list[Requirem
 
 
 def _of_files(mirror: Mirror, deviation: CurvatureDeviation, metrics: Mapping[str, Any]) -> list[Requirement]:
-    from mirror_cad.offset import OFFSET_SHARE, OFFSET_TOLERANCE_MM
-    from mirror_studio.checks import SAME_MM, SAME_VOLUME
+    from mirror_cad.surfaces.offset import OFFSET_SHARE, OFFSET_TOLERANCE_MM
+    from mirror_studio.build.checks import SAME_MM, SAME_VOLUME
 
     files, plate, stl = metrics.get("files") or {}, metrics.get("plate") or {}, deviation.stages["stl"]
     other = "back" if mirror.spec.glass.reflecting == "front" else "front"

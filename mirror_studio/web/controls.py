@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-from mirror_studio.web.protocol import Look
+from mirror_studio.web.protocol import ViewSettings
 
 Kind = Literal["number", "choice", "text", "flag"]
 
@@ -181,7 +181,7 @@ GROUPS = (
 
 def controls() -> list[dict[str, Any]]:
     """All groups as JSON holds them."""
-    look = Look.model_json_schema()["properties"]
+    look = ViewSettings.model_json_schema()["properties"]
     return [asdict(replace(group, controls=tuple(_bounded(control, look) for control in group.controls))) for group in GROUPS]
 
 

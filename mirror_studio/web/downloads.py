@@ -19,7 +19,7 @@ from pathlib import Path
 
 from mirror_cad.errors import WriteError
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.web.protocol import Look
+from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.state import as_toml, files_of
 from mirror_studio.web.uploads import Uploads
 
@@ -89,7 +89,7 @@ class Downloads:
         """The set with this token."""
         return next((one for one in self._sets.values() if secrets.compare_digest(one.token.encode(), token.encode())), None)
 
-    async def build(self, spec: MirrorSpec, look: Look, uploads: Uploads, report: Report) -> FileSet:
+    async def build(self, spec: MirrorSpec, look: ViewSettings, uploads: Uploads, report: Report) -> FileSet:
         """Build a specification with `mirror-cad build`, as a child; cancelling this ends the child.
 
         Raises: NotMadeError with what the pipeline said; WriteError where it took too long.
@@ -126,7 +126,7 @@ class Downloads:
             if child.returncode != 0:
                 raise NotMadeError(said.decode("utf-8", "replace").strip() or "no PDF can be made here")
 
-    async def _make(self, spec: MirrorSpec, look: Look, uploads: Uploads, report: Report) -> FileSet:
+    async def _make(self, spec: MirrorSpec, look: ViewSettings, uploads: Uploads, report: Report) -> FileSet:
         home = Path(tempfile.mkdtemp(dir=self._folder))
         try:
             source, out = home / f"{spec.name}.toml", home / "files"
@@ -174,7 +174,7 @@ class Downloads:
         return tuple(text.removeprefix("missed: ") for text in said if text.startswith("missed: "))
 
 
-def unlike_the_page(spec: MirrorSpec, look: Look) -> tuple[str, ...]:
+def unlike_the_page(spec: MirrorSpec, look: ViewSettings) -> tuple[str, ...]:
     """In what the files are not of the mirror that the page shows, in words: they are made of the specification alone."""
     notes = []
     turned = [f"{name} of {angle:g}°".replace("-", "−") for name, angle in (("yaw", look.yaw_deg), ("pitch", look.pitch_deg))

@@ -15,25 +15,25 @@ from numpy.typing import NDArray
 
 from mirror_cad.designed import percent_scale
 from mirror_cad.deviation import against_design
-from mirror_cad.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.outline import Outline
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.setting import Setting
-from mirror_studio.web.protocol import Look
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_studio.viewing_setup import ViewingSetup
+from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.turned import Turn, aimed
-from raytrace.camera import Frame
 from raytrace.image import driver_view
 from raytrace.measures.field_of_view import GlassSheets, reflected_at, traced_fields_of_view
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.magnification import ray_differentials
-from raytrace.pose import STRAIGHT, Pose
 from raytrace.reflector import TRIM_CHORD_MM, Glass, Reflector, TrimmedSurface
 from raytrace.scene.reference import Picture, landed, load_picture
+from raytrace.surfaces.trimming import Trimming
 from raytrace.trace import Status, reflect
-from raytrace.trimming import Trimming
-from raytrace.view import View, box_of
+from raytrace.viewing.camera import Frame
+from raytrace.viewing.pose import STRAIGHT, Pose
+from raytrace.viewing.view import View, box_of
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -54,7 +54,7 @@ class Designed:
     """A designed mirror with what the page shows of it. The expensive parts are made when first asked for."""
 
     mirror: Mirror
-    setting: Setting
+    setting: ViewingSetup
     picture: Picture
     reflector: Reflector
 
@@ -120,7 +120,7 @@ def designed(spec: MirrorSpec) -> Designed:
     """Design a mirror and make ready what is seen in it. Raises: MirrorError."""
     picture = _picture(spec.scene.image)
     mirror = design(spec)
-    setting = Setting.of(spec, mirror.box)
+    setting = ViewingSetup.of(spec, mirror.box)
     loops, trimming = _trimming(mirror.outline)
     front = None
     if spec.glass.reflecting == "back":
@@ -158,7 +158,7 @@ class Shown:
     arrays: dict[str, Array]
 
 
-def show(spec: MirrorSpec, look: Look, fine: bool = False, own: Reflector | None = None,
+def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflector | None = None,
          progress: Callable[[float], None] | None = None) -> Shown:
     """Design, look and measure. `fine`: with every edge smoothed and the deviations from the laws, which takes longer.
 
@@ -206,7 +206,7 @@ def described(one: Designed, fine: bool) -> dict[str, Any]:
             "deviations": one.deviations if fine else None, "fine": fine}
 
 
-def eyes_of(eye: Array, look: Look) -> list[Array]:
+def eyes_of(eye: Array, look: ViewSettings) -> list[Array]:
     """The one eye, or the left and the right one beside it."""
     aside = np.array([0.5 * EYES_APART_MM, 0.0, 0.0])
     return [eye] if look.eyes == "one" else [eye - aside, eye + aside]
@@ -241,7 +241,7 @@ def jpeg(picture: Picture, quality: int) -> bytes:
     return buffer.getvalue()
 
 
-def probe(one: Designed, look: Look, x: float, y: float, eye: int) -> dict[str, Any] | None:
+def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
     """What the ray through (x, y) mm of the picture plane does: where it meets the mirror and lands, and by how much the
     mirror magnifies far things there against a flat one, across and up; None where it meets no mirror."""
     turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
@@ -249,7 +249,7 @@ def probe(one: Designed, look: Look, x: float, y: float, eye: int) -> dict[str, 
     pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way
     view = View(one.reflector, pose, STRAIGHT @ eyes[min(eye, len(eyes) - 1)])
     places = np.array([[x, y]])
-    sight = view.sight(places)
+    sight = view.trace(places)
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()

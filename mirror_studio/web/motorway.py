@@ -17,12 +17,12 @@ from mirror_studio.drive.pictures import World
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import DEFAULT, AimSection, EyesSection, SceneFile, load_scene
 from mirror_studio.web.engine import Designed
-from mirror_studio.web.protocol import Look
+from mirror_studio.web.protocol import ViewSettings
 from raytrace.measures.blind_zone import NearLane, blind_along
 from raytrace.measures.ground import nearest_at_flank, seen_ground, seen_widths
-from raytrace.measures.plan import Polygon
-from raytrace.pose import Hand
 from raytrace.reflector import Reflector
+from raytrace.viewing.pose import Hand
+from raytrace.visibility.plan import Polygon
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ KEPT = 6  # mirrors, as many as designs are
 READING = "reading the motorway"
 
 
-class Stand(NamedTuple):
+class MountParameters(NamedTuple):
     """Which mirror of the vehicle it is, how it is aimed, and where the eyes are, m: what changes the scene."""
 
     hand: Hand
@@ -40,13 +40,13 @@ class Stand(NamedTuple):
     apart_m: float
 
     @staticmethod
-    def of(look: Look) -> Stand:
-        return Stand(look.hand, look.flank_share, look.horizon_share, (look.eye_x_m, look.eye_y_m, look.eye_z_m),
+    def of(look: ViewSettings) -> MountParameters:
+        return MountParameters(look.hand, look.flank_share, look.horizon_share, (look.eye_x_m, look.eye_y_m, look.eye_z_m),
                      look.eyes_apart_m)
 
 
 @lru_cache(maxsize=KEPT)
-def scene_for(stand: Stand) -> SceneFile:
+def scene_for(stand: MountParameters) -> SceneFile:
     """The motorway with this mirror and these eyes. On its other side the mirror's place and the lane beside are reflected."""
     scene = load_scene(DEFAULT)
     mirror, measured = scene.mirror, scene.measured
@@ -61,13 +61,13 @@ def scene_for(stand: Stand) -> SceneFile:
 
 
 @lru_cache(maxsize=KEPT)
-def driven(one: Designed, stand: Stand) -> DrivenMirror:
+def driven(one: Designed, stand: MountParameters) -> DrivenMirror:
     """A design on the vehicle. Raises: TraceError where no aim shows what is asked for, or an eye is in a wrong place."""
     spec = one.mirror.spec
     return on_vehicle(spec.name, one.reflector, scene_for(stand), spec)
 
 
-def driven_own(own: Reflector, stand: Stand) -> DrivenMirror:
+def driven_own(own: Reflector, stand: MountParameters) -> DrivenMirror:
     """The designer's own mirror at equal aim."""
     return on_vehicle("your mirror", own, scene_for(stand))
 
@@ -125,7 +125,7 @@ class Ground:
 
 
 @lru_cache(maxsize=KEPT)
-def ground(mirror: DrivenMirror, stand: Stand) -> Ground:
+def ground(mirror: DrivenMirror, stand: MountParameters) -> Ground:
     """What a mirror shows of the ground: `raytrace.measures.ground` and `.blind_zone`, as `mirror-cad drive` measures it."""
     asked = scene_for(stand).measured
     left, right, own = mirror.views.left, mirror.views.right, mirror.own

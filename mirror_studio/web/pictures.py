@@ -9,18 +9,18 @@ import numpy as np
 
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.web.engine import FINE_SAMPLES, designed, eyes_of, mirrors_in_view
-from mirror_studio.web.protocol import LARGEST_PICTURE, Look
+from mirror_studio.web.protocol import LARGEST_PICTURE, ViewSettings
 from mirror_studio.web.turned import Turn
-from raytrace.camera import Frame
 from raytrace.image import driver_view
 from raytrace.reflector import Reflector
+from raytrace.viewing.camera import Frame
 
 GAP = 12  # pixels of white between two pictures
 WHITE = 255
 SMALLEST_PICTURE = 16  # pixels, as a specification may ask for
 
 
-def driver_picture(spec: MirrorSpec, look: Look, own: Reflector | None) -> bytes:
+def driver_picture(spec: MirrorSpec, look: ViewSettings, own: Reflector | None) -> bytes:
     """The design turned as `look` has it, seen by one eye or both, beside the own mirror if there is one.
 
     The design's pictures are spec.view.width_px wide, the own mirror's of the same scale; where that would be wider than a

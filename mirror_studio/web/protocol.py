@@ -34,7 +34,7 @@ class _Message(BaseModel):
     id: Annotated[int, Field(ge=0, le=2**53)]
 
 
-class Look(BaseModel):
+class ViewSettings(BaseModel):
     """How the mirror is turned and looked at: what a specification does not say.
 
     view : the picture on a plane, or the road that the mirror shows on a vehicle.   width, height : room for a picture.
@@ -67,7 +67,7 @@ class Design(_Message):
 
     type: Literal["design"]
     spec: dict[str, Any]
-    look: Look
+    look: ViewSettings
     fine: bool = False
 
 
@@ -85,7 +85,7 @@ class Build(_Message):
 
     type: Literal["build"]
     spec: dict[str, Any]
-    look: Look
+    look: ViewSettings
 
 
 class Pinned(_Message):
@@ -93,7 +93,7 @@ class Pinned(_Message):
 
     type: Literal["pinned"]
     spec: dict[str, Any]
-    look: Look
+    look: ViewSettings
 
 
 class Cancel(_Message):

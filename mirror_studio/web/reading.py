@@ -15,9 +15,9 @@ from mirror_studio.web.uploads import READING_SECONDS
 if TYPE_CHECKING:
     from raytrace.reflector import Reflector
 
-MOST_MEMORY = 6_000_000_000  # bytes of address space: the kernel alone maps two
-MOST_PIXELS = 40_000_000
-MOST_FACES = 2_000_000  # of a mesh that is to be traced while sliders move
+MAX_MEMORY = 6_000_000_000  # bytes of address space: the kernel alone maps two
+MAX_PIXELS = 40_000_000
+MAX_FACES = 2_000_000  # of a mesh that is to be traced while sliders move
 
 
 def read(kind: str, path: Path) -> None:
@@ -36,16 +36,16 @@ def read(kind: str, path: Path) -> None:
                 width, height = picture.size
         except Exception:
             width = height = 0  # what is wrong with it, the real reader says
-        if width * height > MOST_PIXELS:
-            raise FileError(f"{width} × {height} elements are too many (the studio takes {MOST_PIXELS // 10**6} million): "
+        if width * height > MAX_PIXELS:
+            raise FileError(f"{width} × {height} elements are too many (the studio takes {MAX_PIXELS // 10**6} million): "
                             "scale the picture down")
         load_picture(path)
     elif kind == "reflector":
         from raytrace.reflector import load_reflector
 
         reflector = load_reflector(path)
-        if reflector.mesh is not None and len(reflector.mesh.faces) > MOST_FACES:
-            raise FileError(f"{len(reflector.mesh.faces)} triangles are too many (the studio takes {MOST_FACES // 10**6} "
+        if reflector.mesh is not None and len(reflector.mesh.faces) > MAX_FACES:
+            raise FileError(f"{len(reflector.mesh.faces)} triangles are too many (the studio takes {MAX_FACES // 10**6} "
                             "million): write the mesh coarser")
         _check_size(reflector)
         for spline in reflector.splines:
@@ -55,7 +55,7 @@ def read(kind: str, path: Path) -> None:
 
 def _check_size(reflector: Reflector) -> None:
     from mirror_studio.drive.mirrors import LARGEST_MM, SMALLEST_MM
-    from raytrace.view import box_of
+    from raytrace.viewing.view import box_of
 
     x_min, x_max, y_min, y_max = box_of(reflector)
     size = max(x_max - x_min, y_max - y_min)
@@ -67,7 +67,7 @@ def _check_size(reflector: Reflector) -> None:
 
 def main() -> None:
     """Limits first, then the file."""
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (READING_SECONDS, READING_SECONDS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     faults: list[str] = []

@@ -28,25 +28,25 @@ from mirror_studio.web.engine import (
     jpeg,
     size_of,
 )
-from mirror_studio.web.motorway import Stand, driven, driven_own, ground, surroundings, world
-from mirror_studio.web.protocol import Look
+from mirror_studio.web.motorway import MountParameters, driven, driven_own, ground, surroundings, world
+from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.turned import Turn
-from raytrace.bezel import housing
 from raytrace.image import photograph
 from raytrace.measures.magnification import ray_differentials
-from raytrace.pose import Pose
 from raytrace.reflector import Reflector
 from raytrace.scene.bodies import Body
-from raytrace.scene.driven import DrivenWorld
 from raytrace.scene.lit_world import LitWorld
+from raytrace.scene.mirror_scene import MirrorScene
 from raytrace.scene.reference import Picture
-from raytrace.view import View
+from raytrace.viewing.bezel import housing
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 Report = Callable[[str, float], None]  # what is being done, and the share of it that is
 
 DRAFT_MS = 90.0  # for the rays of a draft's pictures: with the design and its way to the page some 150 ms
-LEAST_DRAFT_PX = 8_000  # a picture; below, nothing is recognised
+MIN_DRAFT_PX = 8_000  # a picture; below, nothing is recognised
 SLOWEST, FASTEST = 50.0, 20_000.0  # pixels a millisecond that one measurement of the pace is believed
 TALLEST = 1.75  # rows over columns: beyond, a picture holds nothing but more sky and grass
 FINE = "fine picture"
@@ -81,7 +81,7 @@ class _Past:
         return found
 
 
-def show(spec: MirrorSpec, look: Look, fine: bool, own: Reflector | None, report: Report,
+def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None, report: Report,
          early: Callable[[Shown], None] | None = None) -> Shown:
     """Design, put on the vehicle, aim and look. A draft has as many pixels as DRAFT_MS make; `fine` is the picture that
     `mirror-cad drive` takes, with the ground that is seen and its figures, which `early` gets before the picture is begun.
@@ -90,7 +90,7 @@ def show(spec: MirrorSpec, look: Look, fine: bool, own: Reflector | None, report
     Raises: MirrorError for a design that cannot be, or an aim that cannot be met; what `report` raises.
     """
     start = time.perf_counter()
-    one, stand = designed(spec), Stand.of(look)
+    one, stand = designed(spec), MountParameters.of(look)
     mirror = driven(one, stand)
     seen = {"picture": mirror} if own is None else {"picture": mirror, "own": driven_own(own, stand)}
     figures = one.figures(Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
@@ -131,12 +131,12 @@ def show(spec: MirrorSpec, look: Look, fine: bool, own: Reflector | None, report
     return Shown(header, pictures, arrays)
 
 
-def views_of(mirror: DrivenMirror, look: Look) -> list[View]:
+def views_of(mirror: DrivenMirror, look: ViewSettings) -> list[View]:
     """From the middle between the eyes, or from the left and the right one."""
     return [mirror.views.middle] if look.eyes == "one" else [mirror.views.left, mirror.views.right]
 
 
-def laid_out(mirrors: list[DrivenMirror], look: Look) -> tuple[tuple[int, int], list[tuple[int, int]]]:
+def laid_out(mirrors: list[DrivenMirror], look: ViewSettings) -> tuple[tuple[int, int], list[tuple[int, int]]]:
     """Columns and rows of the pictures that are largest in the look's room, and the size of each mirror's: at one scale."""
     count = len(mirrors) * (1 if look.eyes == "one" else 2)
     choices = []
@@ -148,7 +148,7 @@ def laid_out(mirrors: list[DrivenMirror], look: Look) -> tuple[tuple[int, int], 
     return min(choices)[1:]
 
 
-def room(look: Look, columns: int, rows: int) -> tuple[int, int]:
+def room(look: ViewSettings, columns: int, rows: int) -> tuple[int, int]:
     """Width and height of a picture among so many beside and above each other: no wider than those of `mirror-cad drive`."""
     width = max(16, look.width // columns)
     height = max(16, min(look.height // rows, round(TALLEST * width)))
@@ -158,7 +158,7 @@ def room(look: Look, columns: int, rows: int) -> tuple[int, int]:
 def drafted(sizes: list[tuple[int, int]], eyes: int) -> list[tuple[int, int]]:
     """The sizes, of the same shapes, that drafts can have."""
     count = eyes * len(sizes)
-    pixels = max(DRAFT_MS * _pace.per_ms, LEAST_DRAFT_PX * count)
+    pixels = max(DRAFT_MS * _pace.per_ms, MIN_DRAFT_PX * count)
     scale = min(1.0, math.sqrt(pixels / (eyes * sum(width * height for width, height in sizes))))
     return [(max(16, round(scale * width)), max(16, round(scale * height))) for width, height in sizes]
 
@@ -166,7 +166,7 @@ def drafted(sizes: list[tuple[int, int]], eyes: int) -> list[tuple[int, int]]:
 def draft(mirror: DrivenMirror, view: View, made: World, width: int, height: int) -> Picture:
     """One ray a pixel."""
     camera, pixel = camera_at(mirror, view, width, height)
-    driven_world = DrivenWorld(made.lit, past(mirror, made, False), view.pose, made.reflectance, 0.5 * pixel, cones_of(view))
+    driven_world = MirrorScene(made.lit, past(mirror, made, False), view.pose, made.reflectance, 0.5 * pixel, cones_of(view))
     begun = time.perf_counter()
     picture, _ = photograph(view.reflector, camera, driven_world, None, 1)
     _pace.measured(width * height, 1e3 * (time.perf_counter() - begun))
@@ -195,14 +195,14 @@ def _plain(shell: SurfaceMesh, pose: Pose) -> Body:
 # --- under the pointer ------------------------------------------------------------------------------------------------
 
 
-def probe(one: Designed, look: Look, x: float, y: float, eye: int) -> dict[str, Any] | None:
+def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
     """What the ray through (x, y) mm of the mirror's picture plane does: where it meets the mirror, by how much the mirror
     magnifies far things there against a flat one, and what it meets on the road; None where it meets no mirror."""
-    mirror = driven(one, Stand.of(look))
+    mirror = driven(one, MountParameters.of(look))
     views = views_of(mirror, look)
     view = views[min(eye, len(views) - 1)]
     places = np.array([[x, y]])
-    sight = view.sight(places)
+    sight = view.trace(places)
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()

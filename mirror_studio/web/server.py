@@ -30,12 +30,12 @@ from mirror_cad.spec_laws import TableLaw
 from mirror_studio.web import state
 from mirror_studio.web.controls import controls
 from mirror_studio.web.downloads import KINDS, Downloads, NotMadeError, kinds
-from mirror_studio.web.protocol import LARGEST_MESSAGE, Look, look_faults
+from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, look_faults
 from mirror_studio.web.session import Session, Shared
 from mirror_studio.web.uploads import LIMITS, Uploads, check, in_folder
 
 HOST = "127.0.0.1"
-MOST_CONNECTIONS = 16
+MAX_CONNECTIONS = 16
 TOO_MANY = 1013  # WebSocket close code: try again later
 PING_SECONDS = 20.0
 MEDIA = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8", ".js": "text/javascript; charset=utf-8",
@@ -94,7 +94,7 @@ def _has_display() -> bool:
 def create_app(port: int) -> ASGIApp:
     """The studio as an application that answers on this port of the local host alone."""
     static = _static()
-    start = json.dumps({"presets": state.presets(), "look": state.as_look(Look()), "opens_on": state.OPENS_ON,
+    start = json.dumps({"presets": state.presets(), "look": state.as_look(ViewSettings()), "opens_on": state.OPENS_ON,
                         "controls": controls(), "kinds": kinds(), "version": metadata.version("mirror-cad"),
                         "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
                                     for kind, limit in LIMITS.items()}})
@@ -133,7 +133,7 @@ def create_app(port: int) -> ASGIApp:
     async def ws(connection: WebSocket) -> None:
         nonlocal open_
         await connection.accept()
-        if open_ >= MOST_CONNECTIONS:
+        if open_ >= MAX_CONNECTIONS:
             await connection.close(TOO_MANY, "too many pages are open")
             return
         open_ += 1
@@ -175,7 +175,7 @@ def _warm() -> None:
     from mirror_cad.spec_file import load_spec
     from mirror_studio.web import engine
 
-    engine.show(load_spec(state.OPENS_ON), Look())
+    engine.show(load_spec(state.OPENS_ON), ViewSettings())
 
 
 def _static() -> dict[str, bytes]:
@@ -240,14 +240,14 @@ async def _picture(shared: Shared, request: Request) -> Response:
     return Response(made, media_type="image/png")
 
 
-async def _asked(shared: Shared, request: Request) -> tuple[MirrorSpec, Look]:
+async def _asked(shared: Shared, request: Request) -> tuple[MirrorSpec, ViewSettings]:
     """The specification and the look that a request of the page holds. Raises: SpecError."""
     try:
         asked = json.loads(await _body(request, LARGEST_MESSAGE))
         spec, wanted = asked["spec"], asked["look"]
         if not isinstance(spec, dict) or not isinstance(wanted, dict):
             raise TypeError
-        look = Look.model_validate(wanted)
+        look = ViewSettings.model_validate(wanted)
     except ValidationError as error:
         raise SpecError(list(look_faults(error.errors(include_url=False), wanted))) from None
     except (ValueError, TypeError, KeyError, RecursionError):

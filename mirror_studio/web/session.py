@@ -22,11 +22,11 @@ from mirror_studio.web.protocol import (
     Build,
     Cancel,
     Design,
-    Look,
     Pinned,
     Probe,
     Refused,
     StoppedError,
+    ViewSettings,
     WrongShapeError,
     pack,
     read_message,
@@ -77,7 +77,7 @@ class Session:
         self._dropped: list[int] = []
         self._something = asyncio.Event()
         self._stop_fine = threading.Event()
-        self._shown: tuple[Designed, Look] | None = None
+        self._shown: tuple[Designed, ViewSettings] | None = None
         self._building: asyncio.Task[None] | None = None
         self._pinning: asyncio.Task[None] | None = None
 
@@ -169,7 +169,7 @@ class Session:
         _loaded()
         return pack(common | {"type": "shown"} | shown.header, shown.pictures, shown.arrays)
 
-    def _seen(self, spec: MirrorSpec, look: Look, fine: bool, reports: Reports) -> Shown:
+    def _seen(self, spec: MirrorSpec, look: ViewSettings, fine: bool, reports: Reports) -> Shown:
         from mirror_studio.web import engine
 
         own = None

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec, preset_names, spec_as_json, validate_spec
-from mirror_studio.web.protocol import Look
+from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.uploads import NAME, Uploads
 
 OPENS_ON = "progressive-c"
@@ -45,7 +45,7 @@ def as_state(spec: MirrorSpec) -> dict[str, Any]:
     return state
 
 
-def as_look(look: Look) -> dict[str, Any]:
+def as_look(look: ViewSettings) -> dict[str, Any]:
     """How a design is looked at, with all of its keys, as the page holds it."""
     return look.model_dump(exclude=OF_THE_PAGE)
 
@@ -91,7 +91,7 @@ def read_toml(text: str, uploads: Uploads) -> tuple[dict[str, Any], dict[str, An
     look = None
     if text.startswith(LOOK_LINE):
         try:
-            look = as_look(Look.model_validate_json(text.split("\n", 1)[0].removeprefix(LOOK_LINE)))
+            look = as_look(ViewSettings.model_validate_json(text.split("\n", 1)[0].removeprefix(LOOK_LINE)))
         except ValidationError:
             look = None  # a comment of somebody else's
     return as_state(as_spec(raw, uploads)), look
@@ -103,7 +103,7 @@ def files_of(spec: MirrorSpec, uploads: Uploads) -> list[str]:
     return [name for name in names if uploads.has(name)]
 
 
-def as_toml(spec: MirrorSpec, look: Look | None = None, files: Mapping[str, str] | None = None) -> str:
+def as_toml(spec: MirrorSpec, look: ViewSettings | None = None, files: Mapping[str, str] | None = None) -> str:
     """A specification as TOML, without the keys that have their defaults; files by their names alone.
 
     files : what to call uploaded ones.

@@ -42,7 +42,7 @@ LIMITS: dict[Kind, Limit] = {
 }
 NAME = re.compile(r"[0-9a-f]{24}\.[a-z]{3,4}")
 LONGEST_NAME = 64  # characters of a file's name, without its ending
-MOST_FILES = 40  # kept; the oldest go
+MAX_FILES = 40  # kept; the oldest go
 READING_SECONDS = 60  # of a child's time, and of the clock
 
 
@@ -95,11 +95,11 @@ class Uploads:
             raise
         with self._lock:
             self._names.append(name)
-            for old in self._names[:-MOST_FILES]:
+            for old in self._names[:-MAX_FILES]:
                 self._shown.pop(old, None)
                 for left in self.folder.glob(f"{old}*"):
                     left.unlink(missing_ok=True)
-            del self._names[:-MOST_FILES]
+            del self._names[:-MAX_FILES]
         return name
 
     def reflector(self, name: str) -> Reflector:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from raytrace.measures.field_of_view import angle_between
 from raytrace.measures.magnification import smooth
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class AngularSize:
     direct: tuple[float, float]
 
 
-def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTANCES_MM, own: OwnVehicle | None = None,
+def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTANCES_MM, own: HostVehicle | None = None,
                   ) -> tuple[AngularSize, ...]:
     """How large a face is seen at each distance; each size is the angle between two directions of the eye.
 
@@ -60,7 +60,7 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
     points = np.stack([np.zeros(9), face.y_mm + face.width_mm * across.ravel(), face.height_mm * up.ravel()], axis=1)
     targets = np.concatenate([points + [distance, 0.0, 0.0] for distance in distances_mm])
     places, shown = view.find(targets)
-    sight = view.sight(places)
+    sight = view.trace(places)
     if own is not None:
         shown &= ~own.hides(sight.points, targets)
     seen = view.towards(places)

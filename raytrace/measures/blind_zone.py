@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.edge import edge_of
-from raytrace.measures.plan import ENDLESS_MM, Axis, Polygon, Spans, combined, outlines, shown
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of
+from raytrace.visibility.plan import ENDLESS_MM, Axis, IntervalSet, Polygon, combined, outlines, shown
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class BlindZone:
     outlines: tuple[Polygon, ...]
     endless: bool
     x_mm: Array
-    spans: Spans
+    spans: IntervalSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class HiddenCar:
     longest_mm: float
 
 
-def blind_zone(left: View, right: View, own: OwnVehicle | None, lane: NearLane, height_mm: float = 0.0,
+def blind_zone(left: View, right: View, own: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
                direct_view: float = DIRECT_VIEW) -> BlindZone:
     """The points (X, Y, height) of a lane that neither eye sees in the mirror and that are behind the limit of direct view.
 
@@ -86,8 +86,8 @@ def blind_zone(left: View, right: View, own: OwnVehicle | None, lane: NearLane, 
                      bool(width[-1] > 0.0), LINES_MM, spans)
 
 
-def blind_along(left: View, right: View, own: OwnVehicle | None, lane: NearLane, height_mm: float = 0.0,
-                direct_view: float = DIRECT_VIEW) -> Spans:
+def blind_along(left: View, right: View, own: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
+                direct_view: float = DIRECT_VIEW) -> IntervalSet:
     """The intervals of X along a lane's middle in its blind zone (`blind_zone`), as those of line 0."""
     middle = np.array([0.5 * (lane.y_min_mm + lane.y_max_mm)])
     return _blind(left, right, own, 1, middle, height_mm, (FROM_MM, TO_MM), 0.5 * (left.eye + right.eye), direct_view)
@@ -113,7 +113,7 @@ def hidden_car(zones: tuple[BlindZone, ...], lane: NearLane, length_mm: float = 
     return HiddenCar(length_mm, width_mm, longest >= length_mm, longest)
 
 
-def _longest(spans: Spans, lane: NearLane, x: Array, low: float, high: float) -> float:
+def _longest(spans: IntervalSet, lane: NearLane, x: Array, low: float, high: float) -> float:
     """How long the longest rectangle low ≤ Y ≤ high is that lies in the intervals."""
     # By how much the best interval of each line is wider than the rectangle, at its tighter end; the lane's own edge is none.
     below = np.where(spans.low > lane.y_min_mm, low - spans.low, np.inf)
@@ -138,25 +138,25 @@ def _reach(spare: Array, x: Array, line: NDArray[np.intp], step: int) -> Array:
     return result
 
 
-def _blind(left: View, right: View, own: OwnVehicle | None, axis: Axis, values: Array, height_mm: float,
-           ends: tuple[float, float], eye: Array, direct_view: float) -> Spans:
+def _blind(left: View, right: View, own: HostVehicle | None, axis: Axis, values: Array, height_mm: float,
+           ends: tuple[float, float], eye: Array, direct_view: float) -> IntervalSet:
     """The parts of lines X or Y = value, between their ends, that no view shows."""
     low, high = ends
     rows = np.arange(len(values))
-    lane = Spans(rows, np.full(len(values), low), np.full(len(values), high))
+    lane = IntervalSet(rows, np.full(len(values), low), np.full(len(values), high))
     in_left, in_right = (shown(edge_of(view), axis, values, height_mm, own, low, high) for view in (left, right))
     return combined(lambda whole, a, b, c: whole & ~(a | b | c), lane, in_left, in_right,
                     _direct(axis, values, eye, direct_view).clipped(low, high))
 
 
-def _direct(axis: Axis, values: Array, eye: Array, direct_view: float) -> Spans:
+def _direct(axis: Axis, values: Array, eye: Array, direct_view: float) -> IntervalSet:
     """The parts of lines X or Y = value that are before the limit of direct view: X ≤ X_e − |Y − Y_e|·cot(limit)."""
     rows, cot = np.arange(len(values)), 1.0 / np.tan(direct_view)
     if axis == 1:
-        return Spans(rows, np.full(len(values), -ENDLESS_MM), eye[0] - np.abs(values - eye[1]) * cot)
+        return IntervalSet(rows, np.full(len(values), -ENDLESS_MM), eye[0] - np.abs(values - eye[1]) * cot)
     aside = (eye[0] - values) / cot
     if cot > 0.0:  # a limit below 90°: between two lines that open forwards
-        return Spans(rows, eye[1] - aside, eye[1] + aside).clipped(-ENDLESS_MM, ENDLESS_MM)
+        return IntervalSet(rows, eye[1] - aside, eye[1] + aside).clipped(-ENDLESS_MM, ENDLESS_MM)
     aside = np.maximum(aside, 0.0)
-    return Spans(np.repeat(rows, 2), np.stack([np.full(len(values), -ENDLESS_MM), eye[1] + aside], axis=1).ravel(),
+    return IntervalSet(np.repeat(rows, 2), np.stack([np.full(len(values), -ENDLESS_MM), eye[1] + aside], axis=1).ravel(),
                  np.stack([eye[1] - aside, np.full(len(values), ENDLESS_MM)], axis=1).ravel())

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from raytrace.measures.ground import side_of
 from raytrace.measures.line_bow import ARCMIN
-from raytrace.measures.line_image import UP, LineImage, StraightLine, line_images
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.line_image import UP, LineImage, StraightLine, line_images
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Tilt:
     image: LineImage
 
 
-def column_tilt(view: View, line: StraightLine, own: OwnVehicle | None = None) -> Tilt | None:
+def column_tilt(view: View, line: StraightLine, own: HostVehicle | None = None) -> Tilt | None:
     """The angle between a vertical line's image and the vertical, of the largest part that is seen; None where nothing is.
 
     With a and b the unit directions in which the eye sees the lower and upper end of the image and m = (a + b)/|a + b|:
@@ -46,7 +46,7 @@ def column_tilt(view: View, line: StraightLine, own: OwnVehicle | None = None) -
         return None
     image = images[0]
     middle = image.places[0] + 0.5 * (image.places[-1] - image.places[0])
-    sight = view.whole.sight(np.array([middle]))
+    sight = view.whole.trace(np.array([middle]))
     ray = view.towards(middle)
     normal = sight.directions[0] - ray
     normal /= np.linalg.norm(normal)

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.eye_views import EyeViews
 from raytrace.measures.magnification import facet_span, mirror_grid, places_over, ray_differentials, smooth
+from raytrace.viewing.eye_views import EyeViews
 
 Array = NDArray[np.float64]
 Size = Literal["horizontal", "vertical", "area"]
@@ -79,7 +79,7 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
 def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
     """Disparity of the far directions that the middle sees through places (n, 2); NaN where not both eyes see one."""
     result = np.full(len(places), np.nan)
-    sight = views.middle.sight(places)
+    sight = views.middle.trace(places)
     seen = np.flatnonzero(sight.seen)
     left, right = (_sizes(views, name, sight.directions[seen], size) for name in ("left", "right"))
     result[seen] = 100.0 * (left - right) / (0.5 * (left + right))

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.edge import Edge, edge_of, roots
-from raytrace.measures.eye_views import EyeViews
 from raytrace.measures.field_of_view import GlassSheets, angle_between, reflected_at
 from raytrace.measures.magnification import places_over
-from raytrace.measures.plan import brought, hidden_by
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import Edge, edge_of, roots
+from raytrace.visibility.plan import brought, hidden_by
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Interval = tuple[float, float]
 Intervals = tuple[Interval, ...]
 
-LOOKED_AT = 33  # directions of a part that the mirror shows, at which the own vehicle may hide it
+GRID_SHAPE = 33  # directions of a part that the mirror shows, at which the own vehicle may hide it
 # How far inside an edge its ray is taken, of the mirror's width: 1e-12 rad of the reflected ray, 1e-7, 1e-5.
 EDGE_OF_SHEET, EDGE_OF_FACE, EDGE_OF_MESH = 1e-12, 1e-7, 1e-5
 FAR_MM = 1e9  # a thousand kilometres: where directions that the own vehicle may hide end
@@ -80,18 +80,18 @@ def extent(intervals: Intervals) -> float:
     return sum(high - low for low, high in intervals)
 
 
-def eye_fields(views: EyeViews, own: OwnVehicle | None = None) -> EyeFields:
+def eye_fields(views: EyeViews, own: HostVehicle | None = None) -> EyeFields:
     """The fields of view of both eyes: an eye sees a far direction d where one of its rays leaves the mirror along d.
 
     The directions of a circle are seen along a curve of the mirror, from where the circle meets the edge of what is shown
-    (`raytrace.measures.edge`) to where it does again: every second part between these directions is seen. Where the own
+    (`raytrace.visibility.edge`) to where it does again: every second part between these directions is seen. Where the own
     vehicle begins to hide is a root along the curve. Both are found on exact rays, to 1e-9° and better where the edge is
     known. Without `own` nothing is hidden. It does not hold for a mirror that shows directions
-    twice (`raytrace.measures.orientation`).
+    twice (`raytrace.visibility.orientation`).
     """
     x_min, x_max, y_min, y_max = views.middle.box
     place = places_over(views.middle, np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
-    ahead = views.middle.whole.sight(place).directions[0]
+    ahead = views.middle.whole.trace(place).directions[0]
     circles = [_Circle(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))]
     azimuth = None
     if np.isfinite(ahead).all() and np.hypot(ahead[0], ahead[1]) > 0.0:
@@ -125,7 +125,7 @@ class _Circle:
         return result
 
 
-def _seen(edge: Edge, circle: _Circle, own: OwnVehicle | None) -> tuple[Intervals, Intervals]:
+def _seen(edge: Edge, circle: _Circle, own: HostVehicle | None) -> tuple[Intervals, Intervals]:
     """The intervals of a circle that the mirror shows, and those of them that the own vehicle does not hide."""
     if len(edge.places) == 0:
         return (), ()
@@ -150,7 +150,7 @@ def _seen(edge: Edge, circle: _Circle, own: OwnVehicle | None) -> tuple[Interval
     return bare, _intervals(*np.concatenate(parts, axis=1))
 
 
-def _unhidden(view: View, circle: _Circle, own: OwnVehicle, ends: Array, at: Array) -> Array:
+def _unhidden(view: View, circle: _Circle, own: HostVehicle, ends: Array, at: Array) -> Array:
     """The parts (2, k) of an interval of a circle that the vehicle does not hide; its ends (2,) are seen at places (2, 2)."""
     def hides(angle: Array, starts: Array) -> tuple[Array, Array]:
         """By how much directions (n,) are hidden, and the places that show them."""
@@ -158,7 +158,7 @@ def _unhidden(view: View, circle: _Circle, own: OwnVehicle, ends: Array, at: Arr
         places, points = brought(view, starts, ways, at_infinity=True)
         return hidden_by(own, points, points + FAR_MM * ways), places
 
-    share = np.linspace(0.0, 1.0, LOOKED_AT + 2)[1:-1]  # what hides the very ends is not a part
+    share = np.linspace(0.0, 1.0, GRID_SHAPE + 2)[1:-1]  # what hides the very ends is not a part
     angle = ends[0] + (ends[1] - ends[0]) * share
     by, places = hides(angle, at[0] + share[:, None] * (at[1] - at[0]))
     known = np.isfinite(by)  # not where a mesh ends beside a place
@@ -185,7 +185,7 @@ def _between_edges(view: View) -> float | None:
         # a mesh, float32's, and beside them a solid's rim is met.
         inward = (EDGE_OF_SHEET if view.reflector.only is not None else EDGE_OF_FACE if view.reflector.mesh is None
                   else EDGE_OF_MESH) * (x[1] - x[0])
-        out = view.whole.sight(places_over(view, x + [inward, -inward], y)).directions
+        out = view.whole.trace(places_over(view, x + [inward, -inward], y)).directions
     else:
         sheets = GlassSheets.before(view.reflector)
         if sheets is None:

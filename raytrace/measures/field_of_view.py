@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
-from mirror_cad.differential import normals
-from raytrace.glass import trace_through
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import normals
 from raytrace.reflector import Reflector, TrimmedSurface
+from raytrace.surfaces.plate import trace_through
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
-MOST_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
+MAX_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
 # The path is found when a step moves its place on the front by less: rounding of coordinates of some 100 mm.
 STEP_MM = 1e-11
 
@@ -92,7 +92,7 @@ def towards(glass: GlassSheets, eye: Array, x: Array, y: Array) -> Array:
     u_min, u_max, v_min, v_max = glass.front.surface.domain
     u, v = np.array(x, dtype=np.float64), np.array(y, dtype=np.float64)
     size = np.full(u.shape, np.inf)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         d = glass.front.surface.derivatives(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
         pull = np.zeros_like(d["s"])
         bend = np.zeros((*u.shape, 3, 3))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.differential import normals
-from raytrace.glass import trace_through
+from mirror_cad.surfaces.differential import normals
 from raytrace.measures.field_of_view import GlassSheets
+from raytrace.surfaces.plate import trace_through
 
 Array = NDArray[np.float64]
 

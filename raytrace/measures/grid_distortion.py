@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.eye_views import picture_grid
 from raytrace.measures.magnification import places_over, smooth
-from raytrace.view import View
+from raytrace.viewing.eye_views import picture_grid
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,7 +20,7 @@ STEP_DEG = 1.0
 WIDEST = np.radians(60.0)
 LOOK = 65  # rays a direction that say which part of the world is shown
 BESIDE = 2.0  # of the mean distance of their directions: how much farther the outermost may be from the edge's
-LEAST_NODES = 7  # one more than an affine map in two directions needs, in threes: fewer say nothing of what is left
+MIN_NODES = 7  # one more than an affine map in two directions needs, in threes: fewer say nothing of what is left
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class GridDistortion:
     that are not shown.   affine (2, 3) : the map, from the tangents (right, up, 1) of a flat mirror's picture.
     rms_arcmin, max_arcmin, max_at_deg : over the nodes shown, and (azimuth, elevation) of the largest; rms_percent,
     max_percent : of the field's diagonal as seen, from corner to corner of the nodes' box. None where fewer than
-    LEAST_NODES are shown.
+    MIN_NODES are shown.
     """
 
     azimuth_deg: Array
@@ -64,7 +64,7 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     """
     view = smooth(view)
     looked = picture_grid(view, LOOK).reshape(-1, 2)
-    sight = view.sight(looked)
+    sight = view.trace(looked)
     ways, seen = sight.directions[sight.seen], view.towards(looked[sight.seen])
     nothing = np.empty(0)
     if len(ways) == 0:
@@ -84,7 +84,7 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     shape = (len(elevation), len(azimuth))
     residual = np.full(len(nodes), np.nan)
     empty = GridDistortion(azimuth, elevation, places.reshape(*shape, 2), shown.reshape(shape), residual.reshape(shape))
-    if shown.sum() < LEAST_NODES:
+    if shown.sum() < MIN_NODES:
         return empty
     normal = (d0 - u0) / np.linalg.norm(d0 - u0)
     right = np.cross(u0, [0.0, 0.0, 1.0])
@@ -118,7 +118,7 @@ def _middle(view: View) -> tuple[Array, Array]:
     """The direction in which the eye sees the middle of the mirror's box, and that of the ray when it leaves, (3,)."""
     x_min, x_max, y_min, y_max = view.box
     place = places_over(view, np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
-    return view.towards(place)[0], view.sight(place).directions[0]
+    return view.towards(place)[0], view.trace(place).directions[0]
 
 
 def _lines(angles: Array, step_deg: float) -> Array:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.aim import Aim, shown_aim
-from raytrace.measures.edge import Edge, edge_of
-from raytrace.measures.plan import Polygon, Spans, both, either, outlines, shown
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import Mask, View, box_of
+from raytrace.viewing.aim import Aim, shown_aim
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import Mask, View, box_of
+from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.plan import IntervalSet, Polygon, both, either, outlines, shown
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class HorizonMargin:
     aim: Aim
 
 
-def seen_ground(left: View, right: View, own: OwnVehicle | None = None, plan: Plan | None = None) -> Ground:
+def seen_ground(left: View, right: View, own: HostVehicle | None = None, plan: Plan | None = None) -> Ground:
     """The points of the ground that a mirror shows the left and the right eye, and the own vehicle does not hide.
 
     A point (X, Y, 0) is seen by an eye if the ray from the eye that the mirror reflects through it meets the mirror inside
@@ -103,13 +103,13 @@ def seen_ground(left: View, right: View, own: OwnVehicle | None = None, plan: Pl
     cells = np.searchsorted(x, plan.x_mm)
     seen = [shown(edge, 0, x, 0.0, own, y_low, y_high) for edge in edges]
 
-    def of(spans: Spans) -> SeenGround:
+    def of(spans: IntervalSet) -> SeenGround:
         return SeenGround(spans.mask(len(x), plan.y_mm)[cells], outlines(spans, x))
 
     return Ground(plan, of(seen[0]), of(seen[1]), of(either(*seen)), of(both(*seen)))
 
 
-def seen_widths(left: View, right: View, own: OwnVehicle, at_mm: tuple[float, ...] = WIDTHS_AT_MM) -> tuple[SeenWidth, ...]:
+def seen_widths(left: View, right: View, own: HostVehicle, at_mm: tuple[float, ...] = WIDTHS_AT_MM) -> tuple[SeenWidth, ...]:
     """Where across the road the ground is seen at distances behind the ocular points, without what the vehicle hides.
 
     Exact: an end is where a ray through the mirror's edge, or one that touches the vehicle, meets the ground.
@@ -123,7 +123,7 @@ def seen_widths(left: View, right: View, own: OwnVehicle, at_mm: tuple[float, ..
                            _from_flank(two.of(row), own, side)) for row, value in enumerate(x))
 
 
-def nearest_at_flank(left: View, right: View, own: OwnVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
+def nearest_at_flank(left: View, right: View, own: HostVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
     """The smallest X at which the ground beside the flank is seen by either eye, and by both, mm; NaN where it is not.
 
     On the line on the ground that runs beside_mm outward of the plane of the flank.
@@ -134,7 +134,7 @@ def nearest_at_flank(left: View, right: View, own: OwnVehicle, beside_mm: float 
     return (float(one.low[0]) if len(one.low) else np.nan), (float(two.low[0]) if len(two.low) else np.nan)
 
 
-def horizon_margin(view: View, own: OwnVehicle) -> HorizonMargin:
+def horizon_margin(view: View, own: HostVehicle) -> HorizonMargin:
     """How the horizon and the end of the flank lie in the mirror as an eye sees it."""
     edge = edge_of(view)
     aim = shown_aim(view.reflector, view.pose, view.eye, own.rear_edge(view.pose.hand))
@@ -166,7 +166,7 @@ def _bounds(centres: Array) -> tuple[float, float]:
     return float(centres[0] - half), float(centres[-1] + half)
 
 
-def _lines(edges: tuple[Edge, ...], own: OwnVehicle | None, low: float, high: float) -> Array:
+def _lines(edges: tuple[Edge, ...], own: HostVehicle | None, low: float, high: float) -> Array:
     """Lines X = const that outlines need beside the cells': closer ones near by, both ends, the vehicle's, and the tips."""
     lines = [np.arange(low, min(high, FINE_UP_TO_MM), FINE_MM), np.array([low, high])]
     if own is not None:
@@ -183,7 +183,7 @@ def _lines(edges: tuple[Edge, ...], own: OwnVehicle | None, low: float, high: fl
     return every[(every >= low) & (every <= high)]
 
 
-def _from_flank(intervals: Array, own: OwnVehicle, side: float) -> float:
+def _from_flank(intervals: Array, own: HostVehicle, side: float) -> float:
     """How far outward of the flank's plane an interval of Y (k, 2) reaches that begins at it or before, mm."""
     outward = np.sort(side * intervals, axis=1) - own.half_width_mm
     first = outward[(outward[:, 0] <= TOUCHING_MM) & (outward[:, 1] > 0.0)]

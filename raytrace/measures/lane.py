@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.measures.field_of_view import GlassSheets, reflected_at, reflected_on_grid
 from raytrace.scene.reference import landed
 
@@ -18,7 +18,7 @@ Box = tuple[float, float, float, float]
 
 PLACES = 65  # at which a height is looked for between the edges of the surface
 ROOT_MM = 1e-11  # of a height: rounding of coordinates of some 100 mm
-MOST_STEPS = 100  # halving alone takes 50
+MAX_STEPS = 100  # halving alone takes 50
 # An image whose tangent rises less than this share of the width is level: what is left of it is the roots' rounding.
 LEVEL = 1e-6
 
@@ -70,7 +70,7 @@ def lane_heights(surface: BSplineSurface | GlassSheets, eye: Array, lane: Straig
 def _roots(function: Callable[[Array], Array], low: Array, high: Array, at_low: Array, at_high: Array) -> Array:
     """Roots between low and high (n,), where the function changes its sign: secants, halving where one leaves the bracket."""
     before, here, at_before, at_here = low, high, at_low, at_high
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         with np.errstate(divide="ignore", invalid="ignore"):
             secant = here - at_here * (here - before) / (at_here - at_before)
         settled = at_here == 0.0

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
-from raytrace.camera import Frame, rays_through
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture
 from raytrace.trace import Status, reflect
+from raytrace.viewing.camera import Frame, rays_through
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.ground import side_of
-from raytrace.measures.line_image import SAMPLES, UP, LineImage, LineView, StraightLine, line_images
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.line_image import SAMPLES, UP, LineImage, LineView, StraightLine, line_images
 
 Array = NDArray[np.float64]
 
 ARCMIN = np.degrees(1.0) * 60.0
-LEAST_SAMPLES = 5
+MIN_SAMPLES = 5
 UPRIGHT = np.sqrt(0.5)  # the sine of a line's slope from which it is rather upright
 
 
@@ -35,7 +35,7 @@ class Bow:
     image: LineImage
 
 
-def line_bow(view: View, line: StraightLine, own: OwnVehicle | None = None, samples: int = SAMPLES) -> Bow | None:
+def line_bow(view: View, line: StraightLine, own: HostVehicle | None = None, samples: int = SAMPLES) -> Bow | None:
     """How far the image of a straight line bends, of the largest part that is seen; None where nothing is.
 
     With e(s) the unit direction in which the eye sees the line's point s, a and b those of the image's ends, and
@@ -47,7 +47,7 @@ def line_bow(view: View, line: StraightLine, own: OwnVehicle | None = None, samp
     own image. The largest of the samples is refined by a parabola through it and its neighbours.
     """
     images = line_images(view, line, own, samples)
-    if not images or len(images[0].along_mm) < LEAST_SAMPLES:
+    if not images or len(images[0].along_mm) < MIN_SAMPLES:
         return None
     image = images[0]
     normal = _normal(image, UP if abs(line.direction @ UP) < UPRIGHT else np.array([0.0, -side_of(view), 0.0]))

@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.aim import surface_points
-from raytrace.view import View
+from raytrace.viewing.aim import surface_points
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -97,7 +97,7 @@ def ray_differentials(view: View, places: Array) -> RayDifferentials:
     n = len(places)
     jacobian, shift, path = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
     view = smooth(view)
-    sight = view.sight(places)
+    sight = view.trace(places)
     index = np.flatnonzero(sight.seen)
     if index.size:
         towards = view.towards(places[index])
@@ -170,7 +170,7 @@ def _beside(view: View, towards: Array, turn: float) -> tuple[Array, Array]:
     eye = view.eye_in_mirror
     with np.errstate(divide="ignore", invalid="ignore"):
         places = np.where(rays[:, 2:] < 0.0, eye[:2] - rays[:, :2] * (eye[2] / rays[:, 2:]), np.nan)
-    sight = view.whole.sight(places)
+    sight = view.whole.trace(places)
     return sight.points.reshape(-1, 2, 4, 3), sight.directions.reshape(-1, 2, 4, 3)
 
 

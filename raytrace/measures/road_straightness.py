@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.lane import LEVEL
-from raytrace.measures.line_image import LineImage, LineView, StraightLine, line_images
-from raytrace.vehicle import OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.line_image import LineImage, LineView, StraightLine, line_images
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 # the places is 1e-10 radians of a ray.
 STEP_SHARE = 5e-3
 ONE_SIDED = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12.0  # first derivative, from the first of five places on
-LEAST_SAMPLES = 5
+MIN_SAMPLES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ class RoadStraightness:
     image: LineImage
 
 
-def road_straightness(view: View, line: StraightLine, own: OwnVehicle | None = None) -> RoadStraightness | None:
+def road_straightness(view: View, line: StraightLine, own: HostVehicle | None = None) -> RoadStraightness | None:
     """(|Δy_curve| − |Δy_line|)/|Δy_line| in percent for a straight line on the road.
 
     As `raytrace.measures.lane` has it for the reference plane, but between the ends of what the mirror shows of the line:
@@ -48,14 +48,14 @@ def road_straightness(view: View, line: StraightLine, own: OwnVehicle | None = N
     None where the line is not seen, or its image is level or upright at the far end.
     """
     images = line_images(view, line, own)
-    if not images or len(images[0].along_mm) < LEAST_SAMPLES:
+    if not images or len(images[0].along_mm) < MIN_SAMPLES:
         return None
     image = images[0]
     seen = LineView.of(view, line)
     near, far = seen.angle(image.along_mm[[0, -1]])
     angle = far - STEP_SHARE * (far - near) * np.arange(5)
     places, _ = seen.find(angle)
-    at = seen.edge.view.sight(places).on_mirror[:, :2]
+    at = seen.edge.view.trace(places).on_mirror[:, :2]
     at[0] = image.on_mirror[-1, :2]
     by_angle = ONE_SIDED @ at
     across, rise = image.on_mirror[0, :2] - image.on_mirror[-1, :2]

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
 from raytrace.measures.blind_zone import DIRECT_VIEW, TO_MM, NearLane, blind_along
-from raytrace.measures.edge import edge_of
 from raytrace.measures.ground import side_of
-from raytrace.measures.orientation import orientation
-from raytrace.pose import Pose
 from raytrace.reflector import Reflector
-from raytrace.vehicle import Eyes, OwnVehicle
-from raytrace.view import View
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes, HostVehicle
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of
+from raytrace.visibility.orientation import orientation
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 class YawCoverage:
     """At n turns, radians: the azimuths from and to which the horizon's row shows (n,), radians, and the length of the lane's
     blind zone (n,), mm. NaN where the mirror shows no horizon, where an eye does not see its face, and where it shows some
-    things twice (`raytrace.measures.orientation`).   endless (n,) : whether that zone goes on where looking ends.
+    things twice (`raytrace.visibility.orientation`).   endless (n,) : whether that zone goes on where looking ends.
     """
 
     turns: Array
@@ -34,7 +34,7 @@ class YawCoverage:
     endless: NDArray[np.bool_]
 
 
-def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: OwnVehicle | None, lane: NearLane, turns: Array,
+def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: HostVehicle | None, lane: NearLane, turns: Array,
                  height_mm: float = 0.0, direct_view: float = DIRECT_VIEW) -> YawCoverage:
     """What a mirror shows when its yaw is that of the pose plus each of the turns (n,), radians.
 

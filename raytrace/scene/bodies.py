@@ -25,8 +25,8 @@ MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4, "foot": 304.8}
 Up = Literal["z", "y"]
 # What stands beside a road: a smaller or larger body was most likely read in the wrong unit.
 SMALLEST_MM, LARGEST_MM = 30.0, 5e6
-MOST_TRIANGLES = 5_000_000  # some 2 GB; cars have 10⁴ to 10⁵
-MOST_SHADED = 200_000  # vertices that the sky's share is computed for: some 10 s
+MAX_TRIANGLES = 5_000_000  # some 2 GB; cars have 10⁴ to 10⁵
+MAX_SHADED = 200_000  # vertices that the sky's share is computed for: some 10 s
 PAINT = "paint"  # the material whose colour a scene may choose
 # y up and the front at +z, as glTF has it, to X rearward, Y right, Z up.
 WORLD_FROM_Y_UP = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -86,9 +86,9 @@ def read_body(path: str | Path, unit: str | None = None, up: Up = "z") -> Body:
     glTF is in metres with y up by its standard; a vehicle looks along +z there, which becomes ahead (−X). 3MF names its
     unit. The others have none: mm, or `unit` (mm, cm, m, inch, foot); with z up in the world's axes (X rearward, Y right),
     or, with `up` = "y", as glTF. How much sky vertices see is the file's attribute _SKY, or computed here for up to
-    MOST_SHADED vertices; the contact shadow likewise, from `extras.ground` of a mesh: x0, dx, nx, y0, dy, ny in metres
+    MAX_SHADED vertices; the contact shadow likewise, from `extras.ground` of a mesh: x0, dx, nx, y0, dy, ny in metres
     rearward from the origin and to the right, sky: nx·ny shares, x the slow index.
-    Raises: FileError for a file that is missing, broken, without triangles or with more than MOST_TRIANGLES, with corners that
+    Raises: FileError for a file that is missing, broken, without triangles or with more than MAX_TRIANGLES, with corners that
     are not finite, or whose size says that its unit is another one; SceneError for another kind of file or unit.
     """
     path = Path(path)
@@ -108,7 +108,7 @@ def read_body(path: str | Path, unit: str | None = None, up: Up = "z") -> Body:
     else:
         from raytrace.mesh_files import read_parts
 
-        parts, named = read_parts(path, MOST_TRIANGLES, decoded)
+        parts, named = read_parts(path, MAX_TRIANGLES, decoded)
         scale = MM_PER_UNIT[unit] if unit is not None else (named or 1.0)
         axes = WORLD_FROM_Y_UP if up == "y" else np.eye(3)
     parts = _checked(path, parts)
@@ -135,7 +135,7 @@ def _shaded(whole: Joined, shadow: Contact | None) -> Body:
     sky = whole.sky
     missing = np.isnan(sky)
     if missing.any():
-        few = np.count_nonzero(missing) <= MOST_SHADED
+        few = np.count_nonzero(missing) <= MAX_SHADED
         sky = np.where(missing, vertex_openness(scene, whole.vertices, whole.normals, whole.faces) if few else 1.0, sky)
     return Body(whole.vertices, whole.normals, whole.uv, np.clip(sky, 0.0, 1.0), whole.faces, whole.material, whole.materials,
                 shadow if shadow is not None else contact(scene, whole.vertices))
@@ -147,8 +147,8 @@ def _checked(path: Path, parts: list[Part]) -> list[Part]:
     if not parts:
         raise FileError(f"{path}: holds no triangles")
     count = sum(len(part.faces) for part in parts)
-    if count > MOST_TRIANGLES:
-        raise FileError(f"{path}: {count} triangles are more than {MOST_TRIANGLES}: reduce the mesh")
+    if count > MAX_TRIANGLES:
+        raise FileError(f"{path}: {count} triangles are more than {MAX_TRIANGLES}: reduce the mesh")
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
             raise FileError(f"{path}: a triangle names vertex {int(part.faces.max())} of {len(part.vertices)}")

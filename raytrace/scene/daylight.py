@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace.parallel import in_runs
+from raytrace.parallel import parallel_for
 from raytrace.scene import sky
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class Daylight:
         """
         pixels = np.ascontiguousarray(radiance, dtype=np.float64).reshape(-1, 3)
         out = np.empty(pixels.shape, dtype=np.uint8)
-        in_runs(lambda start, stop: _to_display(pixels[start:stop], self.scale, out[start:stop]), len(pixels), TO_DISPLAY)
+        parallel_for(lambda start, stop: _to_display(pixels[start:stop], self.scale, out[start:stop]), len(pixels), TO_DISPLAY)
         return out.reshape(np.shape(radiance))
 
 

@@ -33,7 +33,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 # What a file may ask for that changes nothing here, or is read as any other accessor.
 HARMLESS = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_materials_ior", "KHR_materials_specular",
             "KHR_materials_clearcoat", "KHR_materials_transmission", "KHR_materials_emissive_strength", "KHR_lights_punctual"}
-MOST_DEPTH = 100  # of the tree of nodes
+MAX_DEPTH = 100  # of the tree of nodes
 
 
 @dataclass
@@ -109,7 +109,7 @@ def _roots(tree: Json) -> list[int]:
 
 
 def _node(file: _File, index: int, above: Array, materials: list[Material], depth: int) -> Iterator[Part]:
-    if depth > MOST_DEPTH:
+    if depth > MAX_DEPTH:
         file.fail("its nodes hang on themselves, or more than a hundred deep")
     node = file.tree["nodes"][index]
     matrix = above @ _transform(node)

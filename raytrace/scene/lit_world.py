@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.embree import TriangleScene
-from raytrace.parallel import in_runs
+from raytrace.parallel import parallel_for
 from raytrace.scene import shading
 from raytrace.scene.bodies import Body
 from raytrace.scene.daylight import Daylight
 from raytrace.scene.materials import Palette, diffuse_colours
 from raytrace.scene.road import Road
-from raytrace.scene.shading import LEAST_SLOPES, MIRRORED_SLOPES, Light, Mesh, Places
+from raytrace.scene.shading import MIN_SLOPES, MIRRORED_SLOPES, Light, Mesh, Places
 from raytrace.scene.woods import Woods
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ class LitWorld:
             self._trace(starts if len(starts) == 1 else starts[part], rays[part], np.ascontiguousarray(cones[part]),
                         np.zeros(stop - start), True, out[part])
 
-        in_runs(work, len(rays))
+        parallel_for(work, len(rays))
         return out
 
     @cached_property
@@ -178,7 +178,7 @@ class LitWorld:
         if first:
             self._mirror(body, spread, bounce, image, traced)
         shading.shade(found, directions, diffuse, self._lit(found), on_ground, self._palette.specular, self._palette.roughness,
-                      bounce, image, traced, self._light, LEAST_SLOPES if first else MIRRORED_SLOPES, out)
+                      bounce, image, traced, self._light, MIN_SLOPES if first else MIRRORED_SLOPES, out)
 
     def _edge_of(self, met: tuple[Places, Array, Array], directions: Array, out: Array) -> None:
         """Lay the woods' edge over what the rays see."""
@@ -190,7 +190,7 @@ class LitWorld:
         shown = np.empty((len(rows), 3))
         own = found._replace(ray=np.arange(len(rows), dtype=np.int32))
         shading.shade(own, np.ascontiguousarray(directions[rows]), diffuse, found.to_sun > 0.0, len(rows), none, np.empty(0),
-                      none, none, np.empty(0, dtype=np.bool_), self._light, LEAST_SLOPES, shown)
+                      none, none, np.empty(0, dtype=np.bool_), self._light, MIN_SLOPES, shown)
         out[rows] += share[:, None] * (shown - out[rows])
 
     def _mirror(self, body: Places, spread: Array, bounce: Array, image: Array, traced: NDArray[np.bool_]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
-from raytrace.mesh_normals import corner_normals
+from raytrace.kernels.mesh_normals import corner_normals
 from raytrace.scene.materials import Material
 
 Array = NDArray[np.float64]

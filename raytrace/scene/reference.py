@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 # Larger pictures hold more than any mirror shows, and would fill the memory when decoded.
-MOST_PIXELS = 120_000_000
+MAX_PIXELS = 120_000_000
 BUILT_IN = "road"
 # What lies beside the picture: dark, so that the mirror keeps its outline where it sees farther than the picture reaches.
 BESIDE = np.array([52.0, 54.0, 58.0])
@@ -116,7 +116,7 @@ def _add_colours(status, points, directions, picture, columns, z, x_max, y_max, 
 def load_picture(image: str | Path) -> Picture:
     """Decode the built-in picture ("road") or a picture file to (h, w, 3) uint8.
 
-    Raises: SceneError for a file that is missing, no picture, damaged, or larger than MOST_PIXELS (before decoding).
+    Raises: SceneError for a file that is missing, no picture, damaged, or larger than MAX_PIXELS (before decoding).
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -126,8 +126,8 @@ def load_picture(image: str | Path) -> Picture:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             picture = Image.open(stream)
             width, height = picture.size
-            if width * height > MOST_PIXELS:
-                raise SceneError(f"{image}: {width} × {height} elements are too many (at most {MOST_PIXELS // 10**6} million "
+            if width * height > MAX_PIXELS:
+                raise SceneError(f"{image}: {width} × {height} elements are too many (at most {MAX_PIXELS // 10**6} million "
                                  "are read): scale the picture down")
             if picture.mode.startswith("I;16"):  # Pillow would cut such values off at 255, not scale them
                 gray = (np.asarray(picture, dtype=np.uint16) >> 8).astype(np.uint8)
@@ -138,7 +138,7 @@ def load_picture(image: str | Path) -> Picture:
     except FileNotFoundError:
         raise SceneError(f"{image}: no such picture (scene.image is \"road\" or a picture file)") from None
     except Image.DecompressionBombError:
-        raise SceneError(f"{image}: too many elements (at most {MOST_PIXELS // 10**6} million are read): scale the picture "
+        raise SceneError(f"{image}: too many elements (at most {MAX_PIXELS // 10**6} million are read): scale the picture "
                          "down") from None
     except UnidentifiedImageError:
         raise SceneError(f"{image}: not a picture in a format that is read (PNG, JPEG, TIFF, WebP, BMP …)") from None

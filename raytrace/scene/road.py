@@ -25,8 +25,8 @@ PAINT = ((0.56, 0.56, 0.54), (0.52, 0.33, 0.045))
 GREEN, STRAW, GRAVEL = (0.046, 0.070, 0.021), (0.118, 0.108, 0.046), (0.185, 0.170, 0.145)
 ASPHALT, DUST = (1.02, 1.0, 0.955), (0.15, 0.11, 0.04)
 LANE_MM = (2400.0, 5000.0)  # apart, two lines have a lane between them, with wheel tracks
-LEAST_SHARE = 0.004  # of a surface's light: a wave that is left less than this is left out
-LEAST_EXTENT_MM = 0.01  # what a ray covers at least: an edge has no width, the division needs one
+MIN_SHARE = 0.004  # of a surface's light: a wave that is left less than this is left out
+MIN_EXTENT_MM = 0.01  # what a ray covers at least: an edge has no width, the division needs one
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class Road:
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are
 def _overlap(middle: float, half: float, low: float, high: float) -> float:
     """Share of middle ± half that lies between low and high."""
-    half = max(half, LEAST_EXTENT_MM)
+    half = max(half, MIN_EXTENT_MM)
     return max(min(middle + half, high) - max(middle - half, low), 0.0) / (2.0 * half)
 
 
@@ -109,11 +109,11 @@ def _painted(x: float, dash: float, period: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _line_share(x: float, y: float, ex: float, ey: float, lines: Array, k: int) -> float:
-    if abs(y - lines[k, 0]) > lines[k, 1] + ey + LEAST_EXTENT_MM:
+    if abs(y - lines[k, 0]) > lines[k, 1] + ey + MIN_EXTENT_MM:
         return 0.0
     share = _overlap(y, ey, lines[k, 0] - lines[k, 1], lines[k, 0] + lines[k, 1])
     if share > 0.0 and lines[k, 2] > 0.0:
-        half, dash, period = max(ex, LEAST_EXTENT_MM), lines[k, 2], lines[k, 3]
+        half, dash, period = max(ex, MIN_EXTENT_MM), lines[k, 2], lines[k, 3]
         x -= lines[k, 4]
         share *= (_painted(x + half, dash, period) - _painted(x - half, dash, period)) / (2.0 * half)
     return share
@@ -161,9 +161,9 @@ def _noise(x: float, y: float, seed: int) -> float:
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _wave(share: float, x: float, y: float, ex: float, ey: float, length: float, width: float, seed: int) -> float:
     """Noise up to ±share with waves of `length` along X and `width` along Y, as the mean over the box has it: the standard
-    deviation of a mean over k waves falls with √k. 0 where that leaves less than LEAST_SHARE."""
+    deviation of a mean over k waves falls with √k. 0 where that leaves less than MIN_SHARE."""
     fade = (1.0 + 2.0 * ex / length) * (1.0 + 2.0 * ey / width)
-    if fade * LEAST_SHARE * LEAST_SHARE > share * share:
+    if fade * MIN_SHARE * MIN_SHARE > share * share:
         return 0.0
     return share * _noise(x / length, y / width, seed) / np.sqrt(fade)
 

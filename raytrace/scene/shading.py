@@ -16,8 +16,8 @@ from raytrace.scene.sky import SUN_RADIUS
 
 Array = NDArray[np.float64]
 
-LEAST_FACING = 1e-3  # cosine between ray and shading normal: interpolated normals may turn away at an outline
-LEAST_SLOPES = 0.01  # GGX width α for the sun's highlight: its disc is that wide
+MIN_FACING = 1e-3  # cosine between ray and shading normal: interpolated normals may turn away at an outline
+MIN_SLOPES = 0.01  # GGX width α for the sun's highlight: its disc is that wide
 MIRRORED_SLOPES = 0.15  # for one that is seen in another body: narrower ones would be specks that few rays find
 # At grazing angles a surface reflects all, but none does whose reflectance is 0: Lagarde and de Rousiers 2014 take those from
 # 2 % on as real ones.
@@ -60,7 +60,7 @@ class Mesh(NamedTuple):
     per_mm: Array
 
 
-class Places(NamedTuple):
+class SurfaceInteraction(NamedTuple):
     """Where rays meet the ground or a body: n places, those on the ground first.
 
     ray (n,) : the ray's row.   point, normal (n, 3) : the normal on the ray's side.   start (n, 3) : where rays from here
@@ -86,18 +86,18 @@ class Places(NamedTuple):
     to_sun: Array
 
     @staticmethod
-    def empty(n: int) -> Places:
-        return Places(np.empty(n, dtype=np.int32), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n),
+    def empty(n: int) -> SurfaceInteraction:
+        return SurfaceInteraction(np.empty(n, dtype=np.int32), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n),
                       np.empty(n), np.empty((n, 2)), np.empty(n), np.empty(n, dtype=np.int32), np.empty((n, 2)), np.empty(n),
                       np.empty((n, 2)), np.ones(n), np.empty(n))
 
-    def rows(self, part: slice) -> Places:
-        return Places(*(values[part] for values in self))  # type: ignore[arg-type]
+    def rows(self, part: slice) -> SurfaceInteraction:
+        return SurfaceInteraction(*(values[part] for values in self))  # type: ignore[arg-type]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are
 def places(origins: Array, directions: Array, spread: Array, radius: Array, distance: Array, triangle: NDArray[np.int32],
-           u: Array, v: Array, mesh: Mesh, sun: Array, ground: bool, lift: float, out: Places) -> tuple[int, int]:
+           u: Array, v: Array, mesh: Mesh, sun: Array, ground: bool, lift: float, out: SurfaceInteraction) -> tuple[int, int]:
     """Fill `out` with what the rays meet; returns how many places are on the ground and how many in all.
 
     spread, radius (n,) : a ray covers radius + spread·t across at distance t.   distance … v : hits of the bodies.
@@ -127,7 +127,7 @@ def places(origins: Array, directions: Array, spread: Array, radius: Array, dist
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _ground_place(n: int, o: Array, d: Array, t: float, spread: float, radius: float, sun: Array, lift: float, out: Places,
+def _ground_place(n: int, o: Array, d: Array, t: float, spread: float, radius: float, sun: Array, lift: float, out: SurfaceInteraction,
                   k: int) -> None:
     out.ray[k], out.distance[k], out.radius[k] = n, t, radius + spread * t
     out.point[k, 0], out.point[k, 1], out.point[k, 2] = o[0] + t * d[0], o[1] + t * d[1], 0.0
@@ -144,7 +144,7 @@ def _ground_place(n: int, o: Array, d: Array, t: float, spread: float, radius: f
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _body_place(n: int, o: Array, d: Array, t: float, f: int, u: float, v: float, spread: float, radius: float, mesh: Mesh,
-                sun: Array, lift: float, out: Places, k: int) -> None:
+                sun: Array, lift: float, out: SurfaceInteraction, k: int) -> None:
     a, b, c = mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
     # Embree's triangles overlap a little: hits beyond a side belong on it.
     u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
@@ -180,12 +180,12 @@ def _body_place(n: int, o: Array, d: Array, t: float, f: int, u: float, v: float
                     + (z - mesh.vertices[corner, 2]) * mz, 0.0) * weight
         sx, sy, sz = sx - below * mx, sy - below * my, sz - below * mz
     facing = -(nx * d[0] + ny * d[1] + nz * d[2])
-    if facing < LEAST_FACING:  # turned back to the ray
-        turn = facing - LEAST_FACING
+    if facing < MIN_FACING:  # turned back to the ray
+        turn = facing - MIN_FACING
         nx, ny, nz = nx + turn * d[0], ny + turn * d[1], nz + turn * d[2]
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = nx / size, ny / size, nz / size
-        facing = LEAST_FACING
+        facing = MIN_FACING
     out.ray[k], out.distance[k], out.radius[k] = n, t, radius + spread * t
     out.point[k, 0], out.point[k, 1], out.point[k, 2] = x, y, z
     out.normal[k, 0], out.normal[k, 1], out.normal[k, 2] = nx, ny, nz
@@ -261,7 +261,7 @@ def surroundings(directions: Array, spread: Array, light: Light, disc: bool, out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def mirrored(found: Places, directions: Array, out: Array) -> None:
+def mirrored(found: SurfaceInteraction, directions: Array, out: Array) -> None:
     """Mirror directions d − 2·(n·d)·n at the places, (n, 3)."""
     for k in range(found.ray.size):
         d = directions[found.ray[k]]
@@ -279,7 +279,7 @@ def _irradiance(h: Array, x: float, y: float, z: float, c: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def shade(found: Places, directions: Array, diffuse: Array, lit: NDArray[np.bool_], on_ground: int, specular: Array,
+def shade(found: SurfaceInteraction, directions: Array, diffuse: Array, lit: NDArray[np.bool_], on_ground: int, specular: Array,
           roughness: Array, bounce: Array, image: Array, traced: NDArray[np.bool_], light: Light, least_slopes: float,
           out: Array) -> None:
     """Write the radiance that each place sends along its ray, seen through the air, into `out` at the ray's row.
@@ -297,7 +297,7 @@ def shade(found: Places, directions: Array, diffuse: Array, lit: NDArray[np.bool
         facing = grazing = slopes = hidden = highlight = 0.0
         b = k - on_ground
         if body:
-            facing = max(-(nx * d[0] + ny * d[1] + nz * d[2]), LEAST_FACING)
+            facing = max(-(nx * d[0] + ny * d[1] + nz * d[2]), MIN_FACING)
             grazing = (1.0 - facing) ** 5 * (1.0 - roughness[m])  # what a rough surface reflects at grazing angles, it hides
             slopes = roughness[m] ** 2
             hidden = 1.0

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, IEC 61966-2-1
 RGB_FROM_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])  # the same
-LEAST_ELEVATION_DEG = 5.0  # below, the sky is lit by light that went round the earth's edge, which is not in the fit
+MIN_ELEVATION_DEG = 5.0  # below, the sky is lit by light that went round the earth's edge, which is not in the fit
 TURBIDITIES = (2.0, 6.0)  # what the model's skies were simulated for
 SUN_RADIUS = np.radians(0.2665)  # of the disc, at the mean distance
 LUMENS_PER_WATT = 683.0
@@ -72,12 +72,12 @@ AIR_SCALE_MM, HAZE_SCALE_MM = 1e6 / 0.1136, 1e6 / 0.8333
 def sun_direction(azimuth_deg: float, elevation_deg: float) -> Array:
     """Unit direction towards the sun: azimuth 0 ahead of the vehicle (−X), positive to the right (+Y).
 
-    Raises: SceneError for angles that are no numbers and for elevations outside LEAST_ELEVATION_DEG … 90.
+    Raises: SceneError for angles that are no numbers and for elevations outside MIN_ELEVATION_DEG … 90.
     """
     if not np.isfinite(azimuth_deg):
         raise SceneError(f"the sun's azimuth {azimuth_deg} must be a number of degrees, 0 ahead and 90 to the right")
-    if not LEAST_ELEVATION_DEG <= elevation_deg <= 90.0:
-        raise SceneError(f"the sun's elevation {elevation_deg}° must lie from {LEAST_ELEVATION_DEG:g} to 90°: the sky model "
+    if not MIN_ELEVATION_DEG <= elevation_deg <= 90.0:
+        raise SceneError(f"the sun's elevation {elevation_deg}° must lie from {MIN_ELEVATION_DEG:g} to 90°: the sky model "
                          "does not hold for a lower sun")
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     return np.array([-np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.embree import TriangleScene
-from raytrace.parallel import RUN, in_runs
+from raytrace.parallel import RUN, parallel_for
 
 Array = NDArray[np.float64]
 
@@ -18,9 +18,9 @@ SIDE = 8  # directions are stratified on so many cells a side: 64 a place, ±0.0
 # Rays start this far off the surface, of the body's size: 1 mm of a car, whose panels overlap by less along their seams.
 LIFT = 2e-4
 INSET = 0.1  # of the way to the middle of a vertex's triangles: an edge between two walls lies in both
-MOST_INSET_MM = 20.0
-GRID_MM, COARSEST_MM, MOST_NODES = 150.0, 600.0, 40_000  # of contact shadows
-LEAST_MARGIN_MM, MOST_MARGIN_MM = 1200.0, 4000.0  # beyond the footprint
+MAX_INSET_MM = 20.0
+GRID_MM, COARSEST_MM, MAX_NODES = 150.0, 600.0, 40_000  # of contact shadows
+MIN_MARGIN_MM, MAX_MARGIN_MM = 1200.0, 4000.0  # beyond the footprint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ def openness(scene: TriangleScene, points: Array, normals: Array, side: int = SI
         _cosine_rays(points[start:stop], normals[start:stop], start, side, origins, directions)
         result[start:stop] = 1.0 - scene.occluded(origins, directions).reshape(-1, side * side).mean(axis=1)
 
-    in_runs(work, len(points), RUN // (side * side))
+    parallel_for(work, len(points), RUN // (side * side))
     return result
 
 
@@ -60,7 +60,7 @@ def vertex_openness(scene: TriangleScene, vertices: Array, normals: Array, faces
     towards = np.stack([np.bincount(faces.ravel(), np.repeat(middles[:, c], 3), len(vertices)) for c in range(3)], axis=1)
     inward = towards / np.maximum(count, 1)[:, None] - vertices
     length = np.linalg.norm(inward, axis=1, keepdims=True)
-    inward *= np.minimum(INSET, MOST_INSET_MM / np.maximum(length, 1e-9))
+    inward *= np.minimum(INSET, MAX_INSET_MM / np.maximum(length, 1e-9))
     # Not below the vertex's tangent plane, or a convex body would be entered.
     inward -= np.minimum(np.einsum("ij,ij->i", inward, normals), 0.0)[:, None] * normals
     lift = LIFT * float(np.ptp(vertices, axis=0).max())
@@ -73,9 +73,9 @@ def vertex_openness(scene: TriangleScene, vertices: Array, normals: Array, faces
 def contact(scene: TriangleScene, vertices: Array, side: int = SIDE) -> Contact | None:
     """The contact shadow of a body on the ground Z = 0, fading to nothing at the grid's border; None for a large body."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    margin = min(LEAST_MARGIN_MM + max(float(high[2]), 0.0), MOST_MARGIN_MM)
+    margin = min(MIN_MARGIN_MM + max(float(high[2]), 0.0), MAX_MARGIN_MM)
     size = high[:2] - low[:2] + 2.0 * margin
-    step = max(GRID_MM, float(np.sqrt(size[0] * size[1] / MOST_NODES)))
+    step = max(GRID_MM, float(np.sqrt(size[0] * size[1] / MAX_NODES)))
     if step > COARSEST_MM:
         return None
     nodes = np.ceil(size / step).astype(int) + 1

@@ -48,7 +48,7 @@ def make(folder: Path, raw: Spec) -> Made:
     from mirror_cad.occt.tessellate import read_stl
     from mirror_cad.outline_files import write_dxf
     from mirror_cad.part21 import read_named_surface
-    from mirror_studio import checks
+    from mirror_studio.build import checks
 
     mirror = mirror_of(raw, folder)
     step, sheet, stl, outline = (folder / name for name in ("case.step", "case-surface.step", "case.stl", "case.dxf"))

@@ -121,7 +121,7 @@ def _inside(mirror: Mirror) -> tuple[Array, Array, Array]:
 def ray_figures(made: Made, sheet: Sheet, x: Array, y: Array) -> list[Figure]:
     """Rays from the eye to places of the sheet, traced on the STEP file: their directions after reflection."""
     from raytrace import load_reflector, reflect
-    from raytrace.eye import eye_position
+    from raytrace.viewing.eye import eye_position
 
     x, y = x[:RAYS], y[:RAYS]
     box = made.mirror.box

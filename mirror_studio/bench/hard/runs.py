@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirror_cad.bspline import BSplineSurface
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.bench.hard.case import Figure
 from mirror_studio.bench.hard.chain import make, mirror_of, places
 from mirror_studio.bench.hard.figures import (

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.mirror import Mirror
-from raytrace.eye import eye_position
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.reflector import Reflector
+from raytrace.viewing.eye import eye_position
 
 Array = NDArray[np.float64]
 ARCSEC = float(np.degrees(1.0) * 3600.0)

@@ -13,10 +13,10 @@ from mirror_studio.bench.tracers.tracer import CORES, AbsentError, Tracer, Work,
 
 NAME = "Mitsuba, {}"
 LLVM, SCALAR = "llvm_ad_rgb", "scalar_rgb"
-MOST_SCALAR = 1000  # rays, each a call from Python
+MAX_SCALAR = 1000  # rays, each a call from Python
 NO_LLVM = "no libLLVM.so found: install LLVM, or name it in DRJIT_LIBLLVM_PATH"
 # Older ones abort the process at the first picture: no code for llvm.maximum on x86. Rays alone do not need it.
-LEAST_LLVM_FOR_PICTURES = 17
+MIN_LLVM_FOR_PICTURES = 17
 
 
 def use(variant: str) -> Any:
@@ -33,9 +33,9 @@ def use(variant: str) -> Any:
 def use_for_pictures(variant: str) -> Any:
     """The same. Raises: AbsentError too for an LLVM library that cannot compile a picture's kernel."""
     mi = use(variant)
-    found = installed("drjit").detail.llvm_version() if variant == LLVM else (LEAST_LLVM_FOR_PICTURES,)
-    if found[0] < LEAST_LLVM_FOR_PICTURES:
-        raise AbsentError(f"the LLVM found is {found[0]}, pictures need {LEAST_LLVM_FOR_PICTURES}: name a newer libLLVM.so in "
+    found = installed("drjit").detail.llvm_version() if variant == LLVM else (MIN_LLVM_FOR_PICTURES,)
+    if found[0] < MIN_LLVM_FOR_PICTURES:
+        raise AbsentError(f"the LLVM found is {found[0]}, pictures need {MIN_LLVM_FOR_PICTURES}: name a newer libLLVM.so in "
                           "DRJIT_LIBLLVM_PATH")
     return mi
 
@@ -60,7 +60,7 @@ def tracers(case: Case, triangles: int) -> Iterator[Tracer]:
     except AbsentError:
         mi = use(SCALAR)
         scene = mi.load_dict({"type": "scene", "mirror": mesh_of(mi, mesh)})
-        yield Tracer(NAME.format(SCALAR), lambda rays: _one_by_one(mi, scene, rays), MOST_SCALAR, NO_LLVM)
+        yield Tracer(NAME.format(SCALAR), lambda rays: _one_by_one(mi, scene, rays), MAX_SCALAR, NO_LLVM)
     else:
         scene = mi.load_dict({"type": "scene", "mirror": mesh_of(mi, mesh)})
         yield Tracer(NAME.format(LLVM), lambda rays: _arrays(mi, scene, rays))

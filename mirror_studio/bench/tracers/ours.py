@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
 from mirror_cad.mirror import Mirror
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.bench.tracers.case import Case, Rays
 from mirror_studio.bench.tracers.tracer import Tracer, Work
 from raytrace.reflector import TRIM_CHORD_MM, Reflector, TrimmedSurface

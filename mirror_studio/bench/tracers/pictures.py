@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from mirror_studio.bench.tracers.case import Case
 from mirror_studio.bench.tracers.mitsuba_mesh import mesh_of, use_for_pictures
 from mirror_studio.bench.tracers.tracer import Work
-from mirror_studio.setting import Setting
-from raytrace.camera import Frame
+from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.image import driver_view
 from raytrace.scene.reference import BESIDE, ReferencePlane, load_picture
 from raytrace.scene.world import TriangleWorld
+from raytrace.viewing.camera import Frame
 
 FRAME_WIDTH_MM = 210.0  # inside the outline of progressive-c: every ray of a picture is reflected
 SKY_ROWS = 256  # of Mitsuba's picture of the sky, from the zenith to the nadir
@@ -30,7 +30,7 @@ def frame_of(width_px: int, height_px: int) -> Frame:
 def reference_plane(case: Case) -> ReferencePlane:
     """The built-in picture where the specification has it."""
     spec = case.mirror.spec
-    return Setting.of(spec, case.mirror.box).scene(load_picture(spec.scene.image), spec)
+    return ViewingSetup.of(spec, case.mirror.box).scene(load_picture(spec.scene.image), spec)
 
 
 def ours(case: Case, scene: ReferencePlane | TriangleWorld, frame: Frame) -> Work:

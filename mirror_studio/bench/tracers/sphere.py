@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.bspline import BSplineSurface
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.bench.tracers.case import Mesh, Rays, grid_faces
 from raytrace.reflector import Reflector, TrimmedSurface
 

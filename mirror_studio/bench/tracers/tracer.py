@@ -18,7 +18,7 @@ from mirror_studio.bench import measuring
 from mirror_studio.bench.tracers.case import Rays
 
 CORES = 2  # for every tracer, and threads for those that take a number: what a small machine has
-MOST_ROUNDS, ENOUGH_S = 25, 1.0
+MAX_ROUNDS, ENOUGH_S = 25, 1.0
 REST_S = 0.02  # before each work: some leave threads that wait for more in a loop, and would take a core from the next
 HOW_TO_INSTALL = "pip install 'mirror-cad[peers]'"
 
@@ -60,10 +60,10 @@ def reflected(directions: NDArray[Any], normals: NDArray[Any]) -> NDArray[Any]:
 def interleaved_seconds(works: Sequence[Callable[[], Any]]) -> NDArray[np.float64]:
     """Times (rounds, works): in each round every work once, after a rest, so that a busy machine slows all alike.
 
-    measuring.RUNS rounds, and up to MOST_ROUNDS where they take less than ENOUGH_S in all.
+    measuring.RUNS rounds, and up to MAX_ROUNDS where they take less than ENOUGH_S in all.
     """
     rounds: list[list[float]] = []
-    most = MOST_ROUNDS if measuring.RUNS else 1
+    most = MAX_ROUNDS if measuring.RUNS else 1
     began = time.perf_counter()
     while len(rounds) < most and (len(rounds) < max(1, measuring.RUNS) or time.perf_counter() - began < ENOUGH_S):
         rounds.append([])

@@ -1,0 +1,1 @@
+"""The mirror's surface as geometry: B-splines, how they are found, and what their curvature is."""

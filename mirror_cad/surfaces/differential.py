@@ -1,0 +1,126 @@
+"""Derivatives of a surface in, normals, shape operator and principal curvatures out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.errors import SurfaceError
+from mirror_cad.sections import SagDerivatives
+from mirror_cad.surfaces.bspline import BSplineSurface
+
+Array = NDArray[np.float64]
+
+# |S_u × S_v| over |S_u|·|S_v| below which a surface has no normal: half the digits of float64 are gone there.
+DEGENERATE = 1e-8
+
+
+class ShapeOperator(NamedTuple):
+    """Components of the shape operator, 1/mm, convex positive, in the orthonormal tangent frame (e1, e2).
+
+    e2 lies in the plane x = const and points to +y, e1 = e2 × N points to +x.
+    """
+
+    w11: Array  # kx
+    w22: Array  # ky
+    w12: Array  # twist
+
+    def minus(self, other: ShapeOperator) -> ShapeOperator:
+        """Component by component: both are in the same frame."""
+        return ShapeOperator(*(a - b for a, b in zip(self, other, strict=True)))
+
+
+def normals(s_u: Array, s_v: Array) -> Array:
+    """Unit normals S_u × S_v/|S_u × S_v|, (…, 3); towards the driver when u runs right and v up.
+
+    Raises: SurfaceError where |S_u × S_v| vanishes.
+    """
+    cross = np.cross(s_u, s_v)
+    length = np.linalg.norm(cross, axis=-1)
+    size = np.linalg.norm(s_u, axis=-1) * np.linalg.norm(s_v, axis=-1)
+    flat = ~(length > DEGENERATE * size)
+    if flat.any():
+        raise SurfaceError(f"the surface has no normal at {int(flat.sum())} of {flat.size} points: S_u × S_v vanishes")
+    result: Array = cross / length[..., None]
+    return result
+
+
+def shape_operator(derivatives: dict[str, Array]) -> ShapeOperator:
+    """W(e_i, e_j) = −II(e_i, e_j) in the frame of `ShapeOperator`, from S_u … S_vv as `BSplineSurface` gives them.
+
+    Source: M. do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3.
+    """
+    s_u, s_v = derivatives["u"], derivatives["v"]
+    normal = normals(s_u, s_v)
+    e2 = np.stack([np.zeros_like(normal[..., 0]), normal[..., 2], -normal[..., 1]], axis=-1)  # N × x
+    e2 /= np.linalg.norm(e2, axis=-1, keepdims=True)
+    e1 = np.cross(e2, normal)
+    first = [_dot(s_u, s_u), _dot(s_u, s_v), _dot(s_v, s_v)]
+    second = [_dot(derivatives[key], normal) for key in ("uu", "uv", "vv")]
+    determinant = first[0] * first[2] - first[1] ** 2
+    coordinates = []
+    for e in (e1, e2):
+        along_u, along_v = _dot(e, s_u), _dot(e, s_v)
+        coordinates.append(((first[2] * along_u - first[1] * along_v) / determinant,
+                            (first[0] * along_v - first[1] * along_u) / determinant))
+    (a1, b1), (a2, b2) = coordinates
+    return ShapeOperator(
+        w11=-(a1 * a1 * second[0] + 2.0 * a1 * b1 * second[1] + b1 * b1 * second[2]),
+        w22=-(a2 * a2 * second[0] + 2.0 * a2 * b2 * second[1] + b2 * b2 * second[2]),
+        w12=-(a1 * a2 * second[0] + (a1 * b2 + a2 * b1) * second[1] + b1 * b2 * second[2]),
+    )
+
+
+def shape_operator_of_sag(d: SagDerivatives) -> ShapeOperator:
+    """The same for a height field z(x, y), where the components have closed forms.
+
+    With p = z_x, q = z_y, m² = 1 + q², n² = 1 + p² + q²:  W22 = −z_yy/(m²n),
+    W12 = −(m²·z_xy − pq·z_yy)/(m²n²),  W11 = −(m⁴·z_xx − 2pq·m²·z_xy + p²q²·z_yy)/(m²n³).
+    """
+    p, q = d.zx, d.zy
+    m2 = 1.0 + q * q
+    n2 = m2 + p * p
+    n = np.sqrt(n2)
+    pq = p * q
+    return ShapeOperator(
+        w11=-(m2 * m2 * d.zxx - 2.0 * pq * m2 * d.zxy + pq * pq * d.zyy) / (m2 * n2 * n),
+        w22=-d.zyy / (m2 * n),
+        w12=-(m2 * d.zxy - pq * d.zyy) / (m2 * n2),
+    )
+
+
+def rms_norm(w: ShapeOperator, weights: Array) -> float:
+    """√(Σ weight·‖W‖²/Σ weight) with the Frobenius norm, 1/mm."""
+    return float(np.sqrt(np.average(w.w11**2 + w.w22**2 + 2.0 * w.w12**2, weights=weights)))
+
+
+def principal_curvatures_of(w: ShapeOperator) -> tuple[Array, Array]:
+    """κ1 ≥ κ2: (W11 + W22)/2 ± √(((W11 − W22)/2)² + W12²), which loses no digits at umbilics."""
+    mean = 0.5 * (w.w11 + w.w22)
+    half_difference = np.hypot(0.5 * (w.w11 - w.w22), w.w12)
+    return mean + half_difference, mean - half_difference
+
+
+def principal_curvatures(surface: BSplineSurface, u: ArrayLike, v: ArrayLike) -> Array:
+    """Signed principal curvatures of a surface at parameters (u, v).
+
+    κ1,2 are the eigenvalues of the shape operator.
+    Parameters: u, v of shapes that broadcast.   Returns: (…, 2) float64, 1/mm, convex positive, larger first.
+    Raises: SurfaceError where S_u × S_v vanishes or (u, v) lies outside the surface.
+    """
+    return np.stack(principal_curvatures_of(shape_operator(surface.derivatives(u, v))), axis=-1)
+
+
+def mean_curvature_and_difference(w: ShapeOperator) -> tuple[Array, Array]:
+    """The paper's Km = (1/Rx + 1/Ry)/2 and Ka = (1/Rx − 1/Ry)/2 along the two sections, 1/mm.
+
+    Source: eq. 1 of Lee et al. (2014), with the realised kx and ky.
+    """
+    return 0.5 * (w.w11 + w.w22), 0.5 * (w.w11 - w.w22)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    result: Array = np.einsum("...i,...i->...", a, b)
+    return result

@@ -1,0 +1,357 @@
+"""Sag function in, a B-spline surface with u = x, v = y and the error it reached out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.curvature import Break
+from mirror_cad.sections import Sag, SagDerivatives
+from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from mirror_cad.surfaces.collocation import collocate_height, knot_vector
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+
+Array = NDArray[np.float64]
+
+# Where a span is looked at: off the collocation sites, and close enough to its ends to see the end effects.
+INSIDE_SPAN = np.array([0.06, 0.29, 0.5, 0.71, 0.94])
+# Places a direction at which a fit is looked at, at least. Along x the percent has peaks a few millimetres wide where a
+# curvature passes through zero; along y what counts as 100 % does not change.
+DENSEST_X, DENSEST_Y = 150, 30
+# More soft breaks (a table's nodes) than this are left to the refinement at first: a knot at each would only slow it, unless
+# the table is so rough that nothing less will do.
+MAX_SOFT_BREAKS = 64
+# Two breaks within this share of the width (0.003 mm on a mirror) are one: on a span between them the rounding of z, some
+# 50·ε·|z|/h², would be more than 0.01 % of the curvature.
+NEAREST_BREAKS = 1e-5
+# Derivatives of z more than of κ₁ and κ₂ that stay continuous at a break: the decoupled surface holds κ₂ itself.
+DECOUPLED_GAINED, FAITHFUL_GAINED = (2, 0), (2, 2)
+# Beyond the mirror the sheet may miss by ten times the tolerances: an error there reaches inside through the smooth knots.
+OUTSIDE_SHARE = 0.1
+MAX_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
+MAX_PATCHES = 10_000  # in all: seconds of work for each try, and more than a kernel likes
+# The spans are cut until the places looked at stay below this share of the tolerances: others may be a little worse.
+AIM = 0.7
+ROUNDS = 24
+FIRST_SPANS = (8, 4)
+# A span that misses is cut into as many parts as its error asks for by the order of convergence, with some room for what
+# the neighbours add; not more than this at once, since far from the tolerance the order is not reached yet.
+ROOM, MAX_PARTS = 1.15, 6
+# A span is at most so many times as wide as its neighbour: through smooth knots the error of wide spans reaches into narrow
+# ones, and the second derivative divides it by their width squared.
+STEEPEST_GRADE = 4.0
+# Places this near to where the design's curvature is smallest are looked at besides: there the percent has its peaks.
+SMALL_CURVATURE, MAX_SMALL = 0.05, 100
+DEGREE_FIRST, DEGREE_THEN = 5, 7  # "auto": quintic, and septic where quintic wants more than MANY_SPANS
+MANY_SPANS = 96
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A fitted surface and what it reached against its sag, measured off the nodes over the mirror's bounding box."""
+
+    surface: BSplineSurface
+    route: str
+    degree: int
+    spans: tuple[int, int]
+    position_error_mm: float
+    curvature_error_percent: float | None  # None for a plane, which has no percent
+    worst_at_mm: tuple[float, float]
+    seconds: float
+    met: bool
+
+
+@dataclass(frozen=True, eq=False)
+class FitTask:
+    """What has to be fitted: the sag, where it is needed, where it is judged, and its percent of curvature.
+
+    domain, judged : (x_min, x_max, y_min, y_max) mm.   breaks : where z(x, ·) has few derivatives, as (x, derivatives).
+    percent_of : x (n,) -> (n, 2), the curvature 1/mm that counts as 100 % for k1 and k2; zeros for a plane.
+    ends : the spans along x and y to begin with, which the sag itself has when it is a spline in part.
+    """
+
+    sag: Sag
+    domain: tuple[float, float, float, float]
+    judged: tuple[float, float, float, float]
+    breaks: tuple[tuple[float, int], ...]
+    percent_of: Callable[[Array], Array]
+    position_tolerance_mm: float
+    curvature_tolerance_percent: float
+    ends: tuple[Array, Array] | None = None
+
+    @cached_property
+    def places_of_small_curvature(self) -> Array:
+        """x where what counts as 100 % is a small share of its largest value: none for a law that keeps its size."""
+        x = np.linspace(self.judged[0], self.judged[1], 2001)[1:-1]
+        scale = self.percent_of(x)
+        small = x[(scale < SMALL_CURVATURE * scale.max(axis=0)).any(axis=1)]
+        return small[:: max(1, -(-len(small) // MAX_SMALL))]
+
+
+def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], gained: tuple[int, int],
+                     width_mm: float) -> tuple[tuple[float, int], ...]:
+    """Continuous x-derivatives of a surface at each break: `gained` more than of κ₁ and of κ₂, as (x, derivatives).
+
+    Breaks too near for a span between them, on a sheet of width_mm, are one: seen from afar that is two orders harder.
+    """
+    order: dict[float, int] = {}
+    for breaks, more in zip((horizontal, vertical), gained, strict=True):
+        for b in breaks:
+            order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + more)
+    kept: list[tuple[float, int]] = []
+    for x, derivatives in sorted(order.items()):
+        if kept and x - kept[-1][0] <= NEAREST_BREAKS * width_mm:
+            kept[-1] = (kept[-1][0], max(min(kept[-1][1], derivatives) - 2, 0))
+        else:
+            kept.append((x, derivatives))
+    return tuple(kept)
+
+
+# --- the choice of degree and spans ----------------------------------------------------------------------------------
+
+
+def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] | str) -> Fit:
+    """Collocation, with the spans that miss the tolerances cut until all meet them.
+
+    Spans stand at the law's breaks from the start. With degree and spans given, they are taken as they are.
+    """
+    start = time.perf_counter()
+    first = DEGREE_FIRST if degree == "auto" else int(degree)
+    fit = _refine(task, first, spans)
+    if degree == "auto" and spans == "auto" and (not fit.met or max(fit.spans) > MANY_SPANS):
+        higher = _refine(task, DEGREE_THEN, spans)
+        if higher.met or higher.position_error_mm < fit.position_error_mm:
+            fit = higher
+    if spans == "auto" and not fit.met and MAX_SOFT_BREAKS < len(task.breaks) <= MAX_SPANS:
+        every = _refine(task, first, spans, MAX_SPANS)
+        if every.met or _excess(task, every) < _excess(task, fit):
+            fit = every
+    return replace(fit, seconds=time.perf_counter() - start)
+
+
+def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degree: int, count: int,
+              most_soft: int = MAX_SOFT_BREAKS) -> Array:
+    """`count` spans between low and high, shared out over the stretches between breaks by their length.
+
+    Where there are more than `most_soft` breaks, those of a table's nodes get no knots.
+    """
+    nearest = NEAREST_BREAKS * (high - low)
+    hard = [(x, order) for x, order in breaks if order < degree and low + nearest < x < high - nearest]
+    if len(hard) > most_soft:
+        hard = [(x, order) for x, order in hard if order < 4]
+    if len(hard) > MAX_SPANS:  # a table far finer than spans may be: its nodes cannot be held one by one
+        hard = []
+    corners = [low, *(x for x, _ in hard), high]
+    lengths = np.diff(corners)
+    shares = np.ones(len(lengths), dtype=int)
+    while shares.sum() < count:
+        shares[np.argmax(lengths / shares)] += 1
+    parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(corners[:-1], corners[1:], shares, strict=True)]
+    return np.concatenate([*parts, [high]])
+
+
+def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft: int = MAX_SOFT_BREAKS) -> Fit:
+    x_min, x_max, y_min, y_max = task.domain
+    nx, ny = FIRST_SPANS if isinstance(spans, str) else spans
+    ends_x, ends_y = task.ends or (span_ends(x_min, x_max, task.breaks, degree, nx, most_soft),
+                                   span_ends(y_min, y_max, (), degree, ny))
+    fit, misses = _try(task, ends_x, ends_y, degree)
+    if not isinstance(spans, str):
+        return fit
+    narrowest = _narrowest_span(task, fit.surface)
+    # Each direction by its own error first: what it misses at the sites of the other.
+    for _ in range(ROUNDS):
+        if _excess(task, fit) <= AIM:
+            return fit
+        next_x, next_y = _cut(ends_x, misses.parts_x, narrowest), _cut(ends_y, misses.parts_y, narrowest)
+        if _too_many(next_x, next_y) or (len(next_x), len(next_y)) == (len(ends_x), len(ends_y)):
+            break
+        ends_x, ends_y = next_x, next_y
+        fit, misses = _try(task, ends_x, ends_y, degree)
+    # Then what only shows in both together (the mixed derivative): halve where it helps more.
+    for _ in range(ROUNDS):
+        if _excess(task, fit) <= AIM:
+            break
+        more_x = _cut(ends_x, np.where(misses.over_x, 2, 1), narrowest)
+        more_y = _cut(ends_y, np.full(len(ends_y) - 1, 2), narrowest)
+        trials = [(*_try(task, trial_x, trial_y, degree), trial_x, trial_y)
+                  for trial_x, trial_y in ((more_x, ends_y), (ends_x, more_y), (more_x, more_y))
+                  if (len(trial_x), len(trial_y)) != (len(ends_x), len(ends_y)) and not _too_many(trial_x, trial_y)]
+        if not trials:
+            break
+        best = min(trials, key=lambda trial: _excess(task, trial[0]))
+        if _excess(task, best[0]) >= _excess(task, fit):
+            break
+        fit, misses, ends_x, ends_y = best
+    return fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Misses:
+    """Into how many parts each span should be cut for its direction's own error; which x spans miss in both together."""
+
+    parts_x: NDArray[np.int64]
+    parts_y: NDArray[np.int64]
+    over_x: NDArray[np.bool_]
+
+
+def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit, _Misses]:
+    """Collocate on these spans and look at the result once, off the sites and at the sites of either direction.
+
+    At the sites of one direction the spline is exact in it, so what is missed there is the other direction's own error.
+    """
+    knots = knot_vector(ends_x, task.breaks, degree), knot_vector(ends_y, (), degree)
+    surface = collocate_height(task.sag.height, *knots, degree)
+    x_min, x_max, y_min, y_max = task.judged
+    inside_x, span_x = _inside(ends_x, x_min, x_max, DENSEST_X, task.places_of_small_curvature)
+    inside_y, span_y = _inside(ends_y, y_min, y_max, DENSEST_Y)
+    sites_x = _sites_within(surface.knots_u, degree, x_min, x_max)
+    sites_y = _sites_within(surface.knots_v, degree, y_min, y_max)
+    x, y = np.concatenate([inside_x, sites_x]), np.concatenate([inside_y, sites_y])
+    # Beyond the judged height the sections may end: there the nearest judged place stands in.
+    y = np.clip(y, y_min, y_max)
+    got = _sag_of(surface, x, y)
+    want = task.sag.derivatives(x[:, None], y)
+    percent_of = task.percent_of(x)
+    curved = bool(np.any(percent_of > 0))
+    m, n = len(inside_x), len(inside_y)
+
+    position = np.abs(got.z - want.z)
+    allowed = np.maximum(0.01 * task.curvature_tolerance_percent * percent_of.min(axis=1), np.finfo(float).tiny)[:, None]
+    bend_x = np.abs(got.zxx - want.zxx)[:m, n:] / allowed[:m] if curved else None
+    bend_y = np.abs(got.zyy - want.zyy)[m:, :n] / allowed[m:] if curved else None
+    along_x, along_y = _parts(position[:m, n:], bend_x, 1, task, degree), _parts(position[m:, :n], bend_y, 0, task, degree)
+    judged = (inside_x >= x_min) & (inside_x <= x_max)
+    # Spans that touch the judged edges count in full: across a break only few derivatives are continuous, but those are.
+    near = (ends_x[span_x + 1] >= x_min) & (ends_x[span_x] <= x_max)
+    per_x = along_x * np.where(near, 1.0, OUTSIDE_SHARE ** (1.0 / (degree - 1)))
+    parts_x = _most_of_each(per_x, span_x, len(ends_x) - 1)
+    parts_y = _most_of_each(along_y, span_y, len(ends_y) - 1)
+
+    rows = np.flatnonzero(judged)
+    block = (rows[:, None], np.flatnonzero((inside_y >= y_min) & (inside_y <= y_max)))
+    off = position[block]
+    ours, exact = (shape_operator_of_sag(SagDerivatives(*(part[block] for part in parts))) for parts in (got, want))
+    percent = curvature_percent(ours, exact, percent_of[rows][:, None, :])
+    over = off > task.position_tolerance_mm
+    if percent is not None:
+        over |= percent > task.curvature_tolerance_percent
+    over_x = np.zeros(len(ends_x) + 1, dtype=bool)
+    over_x[span_x[rows[over.any(axis=1)]] + 1] = True
+    fit = _fit(task, surface, "collocation", x[rows], y[block[1]], off, percent)
+    return fit, _Misses(parts_x, parts_y, over_x[:-2] | over_x[1:-1] | over_x[2:])
+
+
+def _inside(ends: Array, low: float, high: float, densest: int, besides: Array | None = None,
+            ) -> tuple[Array, NDArray[np.int64]]:
+    """Places inside every span, up to low and high where these cut one, `densest` or more; and the span of each."""
+    cut = np.union1d(ends, np.clip([low, high], ends[0], ends[-1]))
+    count = max(len(INSIDE_SPAN), -(-densest // (len(cut) - 1)))
+    shares = INSIDE_SPAN if count == len(INSIDE_SPAN) else (np.arange(count) + 0.5) / count
+    places = (cut[:-1, None] + np.diff(cut)[:, None] * shares).ravel()
+    # The judged edges too, from within: a curvature that is zero there has its largest percent on them.
+    hair = 1e-9 * (high - low)
+    places = np.concatenate([places, [low + hair, high - hair], [] if besides is None else besides])
+    return places, np.searchsorted(ends, places, side="right") - 1
+
+
+def _sites_within(knots: Array, degree: int, low: float, high: float) -> Array:
+    """The collocation sites between low and high; a few places there while a small mirror in a large blank has none."""
+    sites = greville_abscissae(knots, degree)
+    sites = sites[(sites >= low) & (sites <= high)]
+    return sites if len(sites) >= 3 else np.linspace(low, high, 5)
+
+
+def _parts(position: Array, bend: Array | None, axis: int, task: FitTask, degree: int) -> Array:
+    """Parts that the largest errors along an axis ask for: position falls with h^(p+1), curvature with h^(p−1)."""
+    parts: Array = (position.max(axis=axis) / task.position_tolerance_mm) ** (1.0 / (degree + 1))
+    return parts if bend is None else np.maximum(parts, bend.max(axis=axis) ** (1.0 / (degree - 1)))
+
+
+def _most_of_each(parts: Array, span: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    largest = np.zeros(count)
+    np.maximum.at(largest, span, parts)
+    asked = np.where(largest > 1.0, np.maximum(np.ceil(ROOM * largest), 2.0), 1.0)
+    return np.minimum(asked, MAX_PARTS).astype(np.int64)
+
+
+def _cut(ends: Array, parts: NDArray[np.int64], narrowest: float) -> Array:
+    """The span ends with each span cut into its parts, as far as those are not too narrow to gain from, and graded."""
+    widths = np.diff(ends)
+    parts = np.clip(parts, 1, np.maximum((widths / narrowest).astype(np.int64), 1))
+    if np.all(parts == 1):
+        return ends
+    cut = _divided(ends, parts)
+    while True:
+        widths = np.diff(cut)
+        before, after = np.concatenate([widths[:1], widths[:-1]]), np.concatenate([widths[1:], widths[-1:]])
+        steep = widths > STEEPEST_GRADE * np.minimum(before, after)
+        if not steep.any():
+            return cut
+        cut = _divided(cut, np.where(steep, 2, 1))
+
+
+def _divided(ends: Array, parts: NDArray[np.int64]) -> Array:
+    return np.concatenate([*(a + w * np.arange(n) / n for a, w, n in zip(ends[:-1], np.diff(ends), parts, strict=True)),
+                           ends[-1:]])
+
+
+def _too_many(ends_x: Array, ends_y: Array) -> bool:
+    return max(len(ends_x), len(ends_y)) > MAX_SPANS or len(ends_x) * len(ends_y) > MAX_PATCHES
+
+
+def _narrowest_span(task: FitTask, surface: BSplineSurface) -> float:
+    """Below this width the rounding of z, some 50·ε·|z|/h² in curvature, would eat a tenth of the tolerance."""
+    allowed = 1e-3 * task.curvature_tolerance_percent * float(task.percent_of(np.array(task.judged[:2])).min())
+    height = float(np.abs(surface.poles[..., 2]).max())
+    width = task.domain[1] - task.domain[0]
+    return max(1e-6 * width, float(np.sqrt(50.0 * np.finfo(float).eps * height / allowed)) if allowed > 0 else 0.0)
+
+
+def _excess(task: FitTask, fit: Fit) -> float:
+    return max(fit.position_error_mm / task.position_tolerance_mm,
+               (fit.curvature_error_percent or 0.0) / task.curvature_tolerance_percent)
+
+
+# --- what a fit reached ----------------------------------------------------------------------------------------------
+
+
+def measure(task: FitTask, surface: BSplineSurface, route: str) -> Fit:
+    """Position and curvature error of any surface with u = x, v = y, off the nodes over the judged rectangle."""
+    x_min, x_max, y_min, y_max = task.judged
+    x, _ = _inside(np.unique(np.clip(surface.knots_u, x_min, x_max)), x_min, x_max, DENSEST_X,
+                   task.places_of_small_curvature)
+    y, _ = _inside(np.unique(np.clip(surface.knots_v, y_min, y_max)), y_min, y_max, DENSEST_Y)
+    got = surface.on_grid(x, y)
+    want = task.sag.derivatives(x[:, None], y)
+    percent = curvature_percent(shape_operator(got), shape_operator_of_sag(want), task.percent_of(x)[:, None, :])
+    return _fit(task, surface, route, x, y, np.abs(got["s"][..., 2] - want.z), percent)
+
+
+def _fit(task: FitTask, surface: BSplineSurface, route: str, x: Array, y: Array, off: Array, percent: Array | None) -> Fit:
+    i, j = np.unravel_index(np.argmax(off if percent is None else percent), off.shape)
+    largest = None if percent is None else float(percent.max())
+    met = float(off.max()) <= task.position_tolerance_mm
+    met = met and (largest is None or largest <= task.curvature_tolerance_percent)
+    spans = (len(np.unique(surface.knots_u)) - 1, len(np.unique(surface.knots_v)) - 1)
+    return Fit(surface, route, surface.degree_u, spans, float(off.max()), largest, (float(x[i]), float(y[j])), 0.0, met)
+
+
+def _sag_of(surface: BSplineSurface, x: Array, y: Array) -> SagDerivatives:
+    """z and its derivatives on the grid x × y, of a surface that is x = u, y = v by its making."""
+    d = surface.on_grid(x, y, component=2)
+    return SagDerivatives(*(d[key] for key in ("s", "u", "v", "uu", "uv", "vv")))
+
+
+def curvature_percent(got: ShapeOperator, want: ShapeOperator, percent_of: Array) -> Array | None:
+    """The larger of the two principal curvatures' errors in percent; None where nothing is curved."""
+    if not np.any(percent_of > 0):
+        return None
+    errors = [np.abs(a - b) for a, b in zip(principal_curvatures_of(got), principal_curvatures_of(want), strict=True)]
+    result: Array = 100.0 * np.maximum(errors[0] / percent_of[..., 0], errors[1] / percent_of[..., 1])
+    return result

@@ -1,0 +1,100 @@
+"""Written files in, proof that they hold what was meant out: each is read back and compared before a set is complete."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import NdBSpline
+
+from mirror_cad.errors import FileError, WriteError
+from mirror_cad.mirror import Mirror
+from mirror_cad.occt.solid import is_valid, solids_of, volume
+from mirror_cad.occt.step import FRONT_FACE, OPTICAL_FACE, StepFile, read_step
+from mirror_cad.outline_files import read_outline
+from mirror_cad.part21 import read_named_surface
+from mirror_cad.surfaces.bspline import BSplineSurface
+
+# STEP writes coordinates to some 13 digits: 1e-11 mm at 100 mm, and a hundred times that is still below any use.
+SAME_MM = 1e-9
+# The volume of the plate, by the kernel's own integration before and after: relative.
+SAME_VOLUME = 1e-9
+
+
+def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
+    """The file as read back, and how far its named faces and the Part 21 text are from what was designed, mm.
+
+    Named are the optical face and, of glass that reflects from its back, the front face.
+    Raises: WriteError where the file holds no valid single solid, another volume, or another named face.
+    """
+    read = read_step(path)
+    shape = read.shape
+    solids = solids_of(shape)
+    if len(solids) != 1 or not is_valid(shape):
+        raise WriteError(f"{path.name}: reads back as {len(solids)} solids, {'valid' if is_valid(shape) else 'invalid'}")
+    change = abs(volume(solids[0]) / mirror.plate.volume_mm3 - 1.0)
+    if change > SAME_VOLUME:
+        raise WriteError(f"{path.name}: the volume reads back {change:.2g} off (relative)")
+    designed = {OPTICAL_FACE: mirror.surface}
+    if mirror.spec.glass.reflecting == "back":
+        designed[FRONT_FACE] = mirror.plate.front
+    u, v = _places(mirror)
+    off = off_text = 0.0
+    for name, surface in designed.items():
+        meant = surface.evaluate(u, v)
+        off = max(off, float(np.linalg.norm(_named_surface(path, read, name).evaluate(u, v) - meant, axis=1).max()))
+        # Without the kernel: degree, knots and poles from the text, evaluated by scipy.
+        text = read_named_surface(path, name)
+        spline = NdBSpline((text.knots_u, text.knots_v), text.poles, (text.degree_u, text.degree_v))
+        off_text = max(off_text, float(np.linalg.norm(spline(np.stack([u, v], axis=1)) - meant, axis=1).max()))
+        for what, distance in ((f"the {name}", off), ("the Part 21 text", off_text)):
+            if not distance <= SAME_MM:
+                raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
+    return read, {"step_max_mm": off, "part21_max_mm": off_text, "volume_relative": change}
+
+
+def check_surface_step(path: Path, mirror: Mirror) -> dict[str, float]:
+    """How far the untrimmed sheet is from the design over its whole box, mm. Raises: WriteError where it differs."""
+    surface = _named_surface(path, read_step(path), OPTICAL_FACE)
+    box = mirror.sheet_box()
+    if not np.allclose(surface.domain, box, rtol=0, atol=SAME_MM):
+        raise WriteError(f"{path.name}: the sheet reads back over {surface.domain}, not {box}")
+    u, v = np.meshgrid(np.linspace(*box[:2], 53), np.linspace(*box[2:], 61))
+    u, v = np.clip(u, *surface.domain[:2]), np.clip(v, *surface.domain[2:])
+    off = float(np.linalg.norm(surface.evaluate(u, v) - mirror.surface.evaluate(u, v), axis=-1).max())
+    if not off <= SAME_MM:
+        raise WriteError(f"{path.name}: the sheet is {off:.2g} mm from the design (at most {SAME_MM:g})")
+    return {"sheet_max_mm": off}
+
+
+def check_outline(path: Path, mirror: Mirror) -> dict[str, float]:
+    """How much the outline's area and box differ after reading back. Raises: WriteError where they do."""
+    outline = read_outline(path)
+    area = abs(outline.area_mm2() / mirror.outline.area_mm2() - 1.0)
+    box = float(np.abs(np.subtract(outline.bounding_box(), mirror.box)).max())
+    if area > 1e-9 or box > SAME_MM:
+        raise WriteError(f"{path.name}: reads back with its area {area:.2g} off (relative) and its box {box:.2g} mm off")
+    return {"outline_box_mm": box}
+
+
+def check_points(path: Path, points: Any) -> dict[str, float]:
+    """Raises WriteError where the table of points reads back different; rows are written to 1e-9 mm."""
+    read = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    if read.shape != points.shape or not np.allclose(read, points, rtol=0, atol=SAME_MM):
+        raise WriteError(f"{path.name}: reads back as {read.shape} numbers that differ from those written")
+    return {"points": float(len(read))}
+
+
+def _named_surface(path: Path, read: StepFile, name: str) -> BSplineSurface:
+    try:
+        return read.named_surface(name)
+    except FileError as error:
+        raise WriteError(f"{path.name}: reads back different from what was written: {error}") from None
+
+
+def _places(mirror: Mirror) -> tuple[Any, Any]:
+    """Places off the nodes all over the surface, its corners among them."""
+    u_min, u_max, v_min, v_max = mirror.surface.domain
+    u, v = np.meshgrid(np.linspace(u_min, u_max, 67), np.linspace(v_min, v_max, 71))
+    return u.ravel(), v.ravel()

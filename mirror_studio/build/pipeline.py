@@ -1,0 +1,336 @@
+"""A specification in, the files of one mirror out: designed, exported, read back, checked, traced and reported."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+from dataclasses import dataclass, replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.errors import WriteError
+from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.mirror import Mirror, design
+from mirror_cad.occt.tessellate import read_stl
+from mirror_cad.outline_files import write_dxf
+from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec_file import spec_as_json
+from mirror_studio.build import checks
+from mirror_studio.build.folder import MANIFEST, new_set
+from mirror_studio.build.methods import compare_methods, floor_of
+from mirror_studio.progress import Progress
+from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.errors import TraceError
+from raytrace.image import driver_view
+from raytrace.measures.difference import reflected_difference
+from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
+from raytrace.measures.ghost import ghost
+from raytrace.measures.lane import lane_straightness
+from raytrace.measures.lane_image import lane_straightness_in_picture
+from raytrace.reflector import Colour, Normals, Reflector, load_reflector, reflector_of
+from raytrace.scene.reference import Picture, load_picture
+from raytrace.trace import Status, reflect
+from raytrace.viewing.camera import Frame
+
+Array = NDArray[np.float64]
+
+SMALLEST_BOX_MM = 1e-3  # a reflector seen edge-on, or a closed face without edges, has no frame to be drawn in
+PACKAGES = ("mirror-cad", "cadquery-ocp", "build123d", "cadquery", "numpy", "scipy", "numba", "embreex", "vtk", "pyvista")
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """What a build leaves in memory: the mirror, its deviation, the metrics and whether everything asked for is met."""
+
+    mirror: Mirror
+    deviation: CurvatureDeviation
+    metrics: dict[str, Any]
+    missed: tuple[str, ...]
+
+
+def build(spec: MirrorSpec, out: Path, progress: Progress, pdf: bool = False) -> Built:
+    """Make the files of one mirror in `out`, which is replaced as a whole. Raises: MirrorError, with nothing written."""
+    with new_set(out) as folder:
+        built = build_into(folder, spec, progress, pdf)
+    progress.step(f"{spec.name}: done, in {out}")
+    return built
+
+
+def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = False) -> Built:
+    """Make the files of one mirror in an existing empty folder; the report as PDF too where asked for."""
+    name = spec.name
+    picture = load_picture(spec.scene.image)
+    progress.step(f"{name}: designing")
+    mirror = design(spec)
+    for note in mirror.notes:
+        progress.step(f"{name}: note: {note}")
+    setting = ViewingSetup.of(spec, mirror.box)
+    eye, lane = setting.eye, setting.lane
+    step, stl = folder / f"{name}.step", folder / f"{name}.stl"
+    progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
+    points = mirror.grid_points()
+    mirror.export_step(step)
+    mirror.export_surface_step(folder / f"{name}-surface.step")
+    mirror.export_stl(stl)
+    write_points(folder / f"{name}-points.csv", points)
+    write_dxf(mirror.outline, folder / "outline.dxf")
+    step_file, files = checks.check_step(step, mirror)
+    read_back = step_file.optical_surface()
+    files |= checks.check_surface_step(folder / f"{name}-surface.step", mirror)
+    files |= checks.check_outline(folder / "outline.dxf", mirror)
+    files |= checks.check_points(folder / f"{name}-points.csv", points)
+
+    progress.step(f"{name}: curvature deviation")
+    deviation = mirror.deviation(read_back, read_stl(stl))
+    progress.step(f"{name}: tracing the driver's view")
+    scene = setting.scene(picture, spec)
+    frame = Frame.around(mirror.box, spec.view.width_px)
+    reflector = reflector_of(step_file, spec.glass.index)
+    sheets = GlassSheets.before(reflector)
+    view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+    view_png = write_png(folder / "driver-view.png", view)
+    section = mirror.section_fields_of_view()
+    traced = traced_fields_of_view(sheets or read_back, eye, mirror.box, mirror.left_height_mm)
+    progress.step(f"{name}: decoupled and faithful surface side by side")
+    methods = compare_methods(mirror)
+    mesh = _facets(stl, mirror)
+    facets, smooth = (reflected_difference(each, _bare(reflector), eye, scene.z_mm, mirror.box)
+                      for each in (mesh, replace(mesh, normals="interpolated")))
+    metrics = {
+        "h_fov_deg": {"section": math.degrees(section[0]), "traced": _degrees(traced[0])},
+        "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _degrees(traced[1])},
+        "lane_straightness_percent": {
+            "traced": lane_straightness(sheets or read_back, eye, lane, mirror.box),
+            "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, mirror.box)},
+        "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
+        "stl_interpolated_on_plane_mm": {"max": smooth.plane_max_mm, "rms": smooth.plane_rms_mm, "rays": smooth.rays},
+        "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
+        "methods": methods,
+        "rays": rays,
+        "eye_mm": [float(value) for value in eye],
+        "plate": {"area_mm2": mirror.plate.area_mm2, "volume_mm3": mirror.plate.volume_mm3,
+                  "back_error_mm": mirror.plate.back_error_mm},
+        "files": files,
+    }
+    if sheets is not None:
+        metrics["glass"] = _glass(mirror, sheets, eye, points, traced[0])
+    from mirror_studio.report import find, write_findings, write_pdf, write_report
+    from mirror_studio.report.verdict_table import as_json, view_requirements
+
+    asked = view_requirements(mirror, metrics)
+    if asked:
+        metrics["limits"] = as_json(asked)
+    progress.step(f"{name}: report")
+    write_json(folder / "metrics.json", metrics)
+    write_json(folder / "deviation.json", deviation.as_json())
+    manifest = _manifest(mirror)
+    findings = find(mirror, deviation, read_back, metrics, step_file, sheets)
+    write_findings(folder, mirror, deviation, findings, manifest)
+    manifest["files"] = hashes(folder)
+    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
+    if pdf:
+        write_pdf(folder / "report.html", folder / "report.pdf")
+    manifest["files"] = hashes(folder)
+    write_json(folder / MANIFEST, manifest)
+    missed = [f"{row.name}: {'not to be measured' if math.isnan(row.actual) else f'{row.actual:.4g} {row.unit}'}, asked for: "
+              f"at {row.side} {row.limit:g} {row.unit}" for row in asked if not row.met]
+    return Built(mirror, deviation, metrics, (*_missed(mirror, deviation), *missed))
+
+
+def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
+               normals: Normals = "facets") -> dict[str, Any]:
+    """Trace a STEP or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
+
+    face, normals : as for `load_reflector`. A STEP file with a front face before its optical face is traced through glass of
+    the spec's index.
+    """
+    picture = load_picture(spec.scene.image)
+    progress.step(f"{path.name}: reading")
+    reflector = load_reflector(path, face, normals, spec.glass.index)
+    box = _front_box(reflector)
+    setting = ViewingSetup.of(spec, box)
+    eye, lane = setting.eye, setting.lane
+    scene = setting.scene(picture, spec)
+    frame = Frame.around(box, spec.view.width_px)
+    with new_set(out) as folder:
+        progress.step(f"{path.name}: tracing the driver's view")
+        view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+        write_png(folder / "driver-view.png", view)
+        metrics: dict[str, Any] = {
+            "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
+            "lane_straightness_percent": {
+                "traced": None, "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, box)},
+            "rays": rays, "normals_from": "surface" if reflector.mesh is None else reflector.normals,
+            "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
+        only, sheets = reflector.only, GlassSheets.before(reflector)
+        if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
+            metrics["lane_straightness_percent"]["traced"] = lane_straightness(
+                sheets or only.surface, eye, lane, box)
+        write_json(folder / "metrics.json", metrics)
+        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec_as_json(spec),
+                    "versions": versions(), "files": hashes(folder)}
+        write_json(folder / MANIFEST, manifest)
+    progress.step(f"{path.name}: done, in {out}")
+    return metrics
+
+
+# --- glass --------------------------------------------------------------------------------------------------------
+
+
+def _bare(reflector: Reflector) -> Reflector:
+    """The reflecting face alone, as if there were no glass before it: its own places (x, y), and facets' fair counterpart."""
+    return reflector if reflector.glass is None else Reflector(reflector.surfaces)
+
+
+def _facets(stl: Path, mirror: Mirror) -> Reflector:
+    """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
+    if mirror.spec.glass.reflecting == "front":
+        return load_reflector(stl)
+    mesh, domain = read_stl(stl), mirror.surface.domain
+    x, y = np.clip(mesh.vertices[:, 0], *domain[:2]), np.clip(mesh.vertices[:, 1], *domain[2:])
+    on_back = np.linalg.norm(mirror.surface.evaluate(x, y) - mesh.vertices, axis=1) < 0.5 * mirror.spec.glass.thickness_mm
+    return Reflector(mesh=SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
+
+
+def _glass(mirror: Mirror, sheets: GlassSheets, eye: Array, points: Array, h_fov: float) -> dict[str, Any]:
+    """What the glass does to the driver's view: ghost over the grid of points, light, and field of view against none."""
+    bare, _ = traced_fields_of_view(sheets.back.surface, eye, mirror.box, mirror.left_height_mm)
+    seen = ghost(sheets, eye, points[:, 0], points[:, 1])
+    return {"reflecting": mirror.spec.glass.reflecting, "index": sheets.index,
+            "ghost_arcmin": {"max": seen.max_arcmin, "max_at_mm": seen.max_at_mm and list(seen.max_at_mm),
+                             "mean": seen.mean_arcmin, "rays": seen.rays},
+            "front_reflectance": {"mean": seen.front_mean, "max": seen.front_max},
+            "image_reflectance": {"mean": seen.image_mean}, "h_fov_added_deg": _degrees(h_fov - bare)}
+
+
+def _degrees(angle: float) -> float | None:
+    """None for an angle between rays that leave no glass: its sheet ends before."""
+    return math.degrees(angle) if math.isfinite(angle) else None
+
+
+# --- what is taken from any reflector ------------------------------------------------------------------------
+
+
+def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float | None:
+    """Angle between the first and the last ray reflected along the row y = 0 of the picture plane, degrees."""
+    from raytrace.measures.field_of_view import angle_between
+    from raytrace.viewing.camera import rays_through
+
+    columns = np.linspace(0.0, frame.columns, 20_001)
+    rows = np.full_like(columns, frame.top / frame.pixel + 1e-3)  # beside y = 0, where a sphere's seam may run
+    trace = reflect(reflector, eye, rays_through(frame, eye, columns, rows))
+    seen = np.flatnonzero(trace.status == Status.REFLECTED)
+    if seen.size < 2:
+        return None
+    return math.degrees(angle_between(trace.directions[seen[0]], trace.directions[seen[-1]]))
+
+
+def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
+    """(x_min, x_max, y_min, y_max) of what reflects."""
+    points = reflector.outline()
+    (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
+    if x_max - x_min < SMALLEST_BOX_MM or y_max - y_min < SMALLEST_BOX_MM:
+        raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks (along "
+                         "−z): the file must be in mirror coordinates, and its faces must have edges there")
+    return float(x_min), float(x_max), float(y_min), float(y_max)
+
+
+def _missed(mirror: Mirror, deviation: CurvatureDeviation) -> tuple[str, ...]:
+    """What was asked for and is not met, in words."""
+    surface, missed = mirror.spec.surface, []
+    if not deviation.numerical:
+        worst = max(("integration", "fit", "step"), key=lambda stage: max(
+            abs(deviation.stages[stage][key] or 0.0) for key in ("k1_max_percent", "k2_max_percent")))
+        entry = deviation.stages[worst]
+        key = max(("k1", "k2"), key=lambda k: abs(entry[f"{k}_max_percent"] or 0.0))
+        x, y = entry[f"{key}_max_at_mm"]
+        missed.append(f"the {worst} stage reaches {abs(entry[f'{key}_max_percent'] or 0.0):.3g} % of curvature, at ({x:.1f}, "
+                      f"{y:.1f}) mm, and {abs(entry['sag_max_mm']):.3g} mm of height; the tolerances are "
+                      f"{surface.curvature_tolerance_percent:g} % and {surface.position_tolerance_mm:g} mm")
+    if deviation.part is False:
+        total = deviation.total
+        key = max(("k1", "k2"), key=lambda k: abs(total[f"{k}_max_percent"]))
+        at = total[f"{key}_max_at_mm"]
+        missed.append(f"the part's {key} is {total[f'{key}_max_percent']:+.2f} % off at ({at[0]:.1f}, {at[1]:.1f}) mm, the "
+                      f"limit is {mirror.spec.limits.curvature_percent:g} %")
+    return tuple(missed)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def _manifest(mirror: Mirror) -> dict[str, Any]:
+    spec, fit = mirror.spec, mirror.fit
+    return {
+        "schema": 1,
+        "spec": spec_as_json(spec),
+        "versions": versions(),
+        "tolerances": {"position_mm": spec.surface.position_tolerance_mm,
+                       "curvature_percent": spec.surface.curvature_tolerance_percent,
+                       "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": checks.SAME_MM},
+        "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans),
+                "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
+                "worst_at_mm": list(fit.worst_at_mm), "met": fit.met},
+        "faithful": floor_of(mirror.faithful),
+        "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
+        "notes": list(mirror.notes),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that made a set."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def write_points(path: Path, points: Array) -> None:
+    """x, y, z in mm and the unit normal, one row a point."""
+    with path.open("w", encoding="utf-8") as stream:
+        stream.write("x_mm,y_mm,z_mm,nx,ny,nz\n")
+        np.savetxt(stream, points, fmt="%.12g", delimiter=",")
+
+
+def write_png(path: Path, picture: Picture) -> bytes:
+    """Write a picture as PNG; returns the bytes written. Raises: WriteError where they decode differently."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, format="PNG", compress_level=4)
+    path.write_bytes(buffer.getvalue())
+    with Image.open(path) as read:
+        if not np.array_equal(np.asarray(read), picture):
+            raise WriteError(f"{path.name}: the picture reads back different from what was written")
+    return buffer.getvalue()
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON without NaN. Raises: WriteError where a figure is not finite or the file reads back different."""
+    try:
+        text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+    except ValueError:
+        raise WriteError(f"{path.name}: a figure is not finite") from None
+    path.write_text(text + "\n", encoding="utf-8")
+    if json.loads(path.read_text("utf-8")) != json.loads(text):
+        raise WriteError(f"{path.name}: reads back different from what was written")
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder, by its path in it."""
+    return {str(path.relative_to(folder)): _sha256(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+

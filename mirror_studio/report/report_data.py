@@ -1,0 +1,124 @@
+"""A mirror as built in, what the report finds in it beyond deviation and metrics out: records, and tables of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.mirror import Mirror
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import normals, principal_curvatures_of, rms_norm, shape_operator
+from mirror_studio.report.cuts import Cut, cuts, cuts_table
+from mirror_studio.report.fields import DeviationFields, deviation_fields, differences, percent_of
+from mirror_studio.report.heading import heading
+from mirror_studio.report.histogram import Histogram, histogram
+from mirror_studio.report.marked_view import LaneImage, lane_image
+from mirror_studio.report.probe import Probe, probe
+from mirror_studio.report.stages import stages_table
+from mirror_studio.report.step_change import StepChange, step_change
+from mirror_studio.report.tables import Table, write_tables
+from mirror_studio.report.uncertainty import Uncertainty, uncertainty
+from mirror_studio.report.verdict_table import Requirement, requirements, verdict_rows_table
+from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.measures.field_of_view import GlassSheets
+
+if TYPE_CHECKING:
+    from mirror_cad.occt.step import StepFile
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportData:
+    """fields, shares : deviations as drawn, and by area.   uncertainty, requirements, probe, cuts, change : as their modules
+    have them.   lane : the lane's image, None where it does not cross the mirror.   maps : columns over the grid of points.
+    measures : every number of metrics.json under its keys.   seen : the surface or glass that the eye looks at.
+    """
+
+    fields: DeviationFields
+    shares: Histogram
+    measures: Table
+    uncertainty: Uncertainty
+    requirements: list[Requirement]
+    probe: Probe
+    cuts: list[Cut]
+    change: StepChange
+    lane: LaneImage | None
+    maps: Table
+    seen: BSplineSurface | GlassSheets
+
+    def tables(self, deviation: CurvatureDeviation) -> list[Table]:
+        """All that is written as CSV and JSON, in the report's order."""
+        found = [verdict_rows_table(self.requirements), self.uncertainty.table(), self.maps, self.shares.table(),
+                 cuts_table(self.cuts), stages_table(deviation), self.change.table(), self.probe.table(), self.measures]
+        return found if self.lane is None else [*found, self.lane.table()]
+
+
+def find(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurface, metrics: Mapping[str, Any],
+         file: StepFile | None = None, glass: GlassSheets | None = None) -> ReportData:
+    """Of a mirror whose optical face reads back as `read_back`.
+
+    metrics : as metrics.json.   file : the STEP file as read, None without the kernel.   glass : what the eye looks through.
+    """
+    setting, seen = ViewingSetup.of(mirror.spec, mirror.box), glass or read_back
+    fields = deviation_fields(deviation, mirror.spec.limits.curvature_percent)
+    rms = rms_norm(deviation.designed, deviation.grid.weights)
+    straightness = (metrics.get("lane_straightness_percent") or {}).get("traced")
+    return ReportData(
+        fields, histogram(deviation, fields), _measures(metrics), uncertainty(mirror, deviation, read_back, fields),
+        requirements(mirror, deviation, metrics), probe(read_back, mirror.outline), cuts(mirror, read_back, rms, fields.unit),
+        step_change(mirror, deviation, read_back, file), lane_image(seen, setting.eye, setting.lane, mirror.box, straightness),
+        _maps(mirror, read_back, rms), seen)
+
+
+def write_findings(folder: Path, mirror: Mirror, deviation: CurvatureDeviation, findings: ReportData,
+                   manifest: Mapping[str, Any]) -> None:
+    """Write NAME-report.json and a NAME-TABLE.csv for each of its tables beside the mirror's other files."""
+    measured, change = findings.uncertainty, findings.change
+    viewed = [row for row in findings.requirements if row.group == "view"]
+    head = {"head": heading(mirror, manifest), "file": f"{mirror.spec.name}.step", "face": "optical face",
+            "verdicts": {"numerical": deviation.numerical, "part": deviation.part,
+                         "view": all(row.met for row in viewed) if viewed else None},
+            "basis": {"area_mm2": mirror.outline.area_mm2(), "cells": list(measured.cells), "places_inside": measured.places[0],
+                      "places_on_edge": measured.places[1], "refined_cells": list(measured.finer_cells),
+                      "refined_places_inside": measured.finer[0], "refined_places_on_edge": measured.finer[1],
+                      "rounding_per_m": measured.rounding_per_m, "quadrature_mm": measured.quadrature_mm,
+                      "quadrature_percent": measured.quadrature_percent},
+            "step": {"poles_moved_mm": change.poles_mm, "knots_moved_mm": change.knots_mm}}
+    write_tables(folder, mirror.spec.name, findings.tables(deviation), head)
+
+
+def _measures(metrics: Mapping[str, Any]) -> Table:
+    def leaves(entry: Any, key: str) -> Iterator[tuple[str, float | None]]:
+        if isinstance(entry, Mapping):
+            for name, value in entry.items():
+                yield from leaves(value, f"{key}.{name}" if key else name)
+        elif isinstance(entry, list | tuple):
+            for number, value in enumerate(entry):
+                yield from leaves(value, f"{key}.{number}")
+        elif entry is None or (isinstance(entry, int | float) and not isinstance(entry, bool)):
+            yield key, entry
+
+    found = list(leaves(metrics, ""))
+    return Table("measures", {"measure": [key for key, _ in found], "value": [value for _, value in found]})
+
+
+def _maps(mirror: Mirror, surface: BSplineSurface, rms: float) -> Table:
+    """Designed and realised curvature, and the deviation, at the points of NAME-points.csv."""
+    points = mirror.grid_points()
+    x, y = points[:, 0], points[:, 1]
+    d = surface.derivatives(x, y)
+    realised, designed = shape_operator(d), mirror.curvature.shape(x)
+    k1, k2 = principal_curvatures_of(realised)
+    columns = {"x_mm": x, "y_mm": y, "z_mm": d["s"][:, 2]}
+    columns |= dict(zip(("nx", "ny", "nz"), normals(d["u"], d["v"]).T, strict=True))
+    columns |= {"kx_designed_per_m": 1e3 * designed.w11, "ky_designed_per_m": 1e3 * designed.w22,
+                "kx_realised_per_m": 1e3 * realised.w11, "ky_realised_per_m": 1e3 * realised.w22,
+                "twist_realised_per_m": 1e3 * realised.w12, "k1_realised_per_m": 1e3 * k1, "k2_realised_per_m": 1e3 * k2,
+                "Km_realised_per_m": 0.5e3 * (realised.w11 + realised.w22),
+                "Ka_realised_per_m": 0.5e3 * (realised.w11 - realised.w22)}
+    columns |= {f"{key}_deviation_per_m": 1e3 * value for key, value in differences(realised, designed).items()}
+    if rms > 0.0:
+        columns |= {f"{key}_deviation_percent": value for key, value in percent_of(realised, designed, rms).items()}
+    return Table("maps", columns)

@@ -1,0 +1,36 @@
+"""A specification and a mirror's box in, where the eye sits and what lies behind it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.spec import MirrorSpec
+from raytrace.measures.lane import StraightLane
+from raytrace.scene.reference import Picture, ReferencePlane
+from raytrace.viewing.eye import eye_position
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewingSetup:
+    """The eye (3,) mm, the z of the reference plane behind it, and the lane on that plane."""
+
+    eye: Array
+    plane_z_mm: float
+    lane: StraightLane
+
+    @staticmethod
+    def of(spec: MirrorSpec, box: tuple[float, float, float, float]) -> ViewingSetup:
+        """What [eye] and [scene] ask for, with the eye aligned to the box (x_min, x_max, y_min, y_max)."""
+        eye = eye_position(spec.eye.distance_mm, spec.eye.aligned, box)
+        plane_z_mm = float(eye[2]) + spec.scene.distance_mm
+        lane = spec.scene.lane
+        return ViewingSetup(eye, plane_z_mm, StraightLane(lane.x0_mm, lane.y0_mm, lane.slope, plane_z_mm))
+
+    def scene(self, picture: Picture, spec: MirrorSpec) -> ReferencePlane:
+        """The picture on the plane, as wide and where [scene] has it."""
+        return ReferencePlane(picture, self.plane_z_mm, spec.scene.width_mm, spec.scene.centre_mm)

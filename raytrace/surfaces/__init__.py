@@ -1,0 +1,1 @@
+"""What rays meet: one kind of optical surface a file."""

@@ -1,0 +1,282 @@
+"""B-spline surfaces in, the same surfaces as polynomials on each cell of their knots out: what the kernels evaluate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from raytrace.kernels.newton import PADDED_POWERS
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int32]
+
+# x = u and y = v to this: above what the digits of a STEP file move a pole, below what any trace could see.
+IDENTITY_TOLERANCE_MM = 1e-9
+MAX_BINS = 1 << 17  # of the table that finds a span: half a megabyte
+SAMPLES = 4  # a span and direction, at which a sheet is looked at for whether rays can meet it twice
+# A sheet whose smallest upward bend is above this share of its largest bend is no cap: what is below is rounding.
+BENT_UP = 1e-9
+# Sine of the angle between a sheet's mean normal and the others beyond which it is not taken to be a single sheet.
+WIDEST_CONE = 0.9
+ROOM_MM = 1e-6  # above and below a height field, so that a ray enters its box before it meets it
+CONE_MARGIN = 0.01  # for what the normals do between the samples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightField:
+    """A sheet z(x, y) as polynomials about the middle of each cell, highest powers first.
+
+    powers : degree + 1 in both directions, padded with zeros.   coefficients : flat, of (x spans, y spans, powers, powers).
+    ends_x, ends_y : ends of the spans, then inf.   middle_x, middle_y : of the spans.   lookup_x, lookup_y : the span at the
+    start of each of many uniform bins.   top, bottom : above and below all of it.
+    steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²); 0 for a cap (z is concave), which any ray
+    from above meets first where Newton finds it.   bend : bound on the second derivative in any direction, 1/mm.
+    """
+
+    powers: int
+    coefficients: Array
+    ends_x: Array
+    ends_y: Array
+    middle_x: Array
+    middle_y: Array
+    lookup_x: Index
+    lookup_y: Index
+    top: float
+    steepest: float
+    bottom: float
+    bend: float
+
+    @staticmethod
+    def of(surface: BSplineSurface) -> HeightField | None:
+        """The surface as z(x, y) where its parameters are x and y themselves; None where they are not, or where it has a
+        crease, across which no bound on the second derivative holds."""
+        if surface.weights is not None or _has_crease(surface):
+            return None
+        x, y = surface.poles[..., 0], surface.poles[..., 1]
+        off = max(np.abs(x - greville_abscissae(surface.knots_u, surface.degree_u)[:, None]).max(),
+                  np.abs(y - greville_abscissae(surface.knots_v, surface.degree_v)).max())
+        cells = _cells(surface, surface.poles[..., 2:]) if off <= IDENTITY_TOLERANCE_MM else None
+        if cells is None:
+            return None
+        z = surface.poles[..., 2]
+        return HeightField(*cells, float(z.max()) + ROOM_MM, _steepest(surface), float(z.min()) - ROOM_MM, _bend(surface))
+
+    @property
+    def arguments(self) -> tuple[object, ...]:
+        """What the kernels take of the sheet itself."""
+        return (self.coefficients, self.ends_x, self.ends_y, self.middle_x, self.middle_y, self.lookup_x, self.lookup_y)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patches:
+    """Any B-spline surface as polynomials about the middle of each cell, in coordinates about a centre of its own.
+
+    parts : 3 coordinates, or 4 homogeneous ones.   coefficients : flat, of (u spans, v spans, parts, powers, powers).
+    centre (3,) mm : what the coordinates are counted from.   extent : their largest size, mm.
+    sheet (12,) : mean normal n, sine of the cone of rays that meet the surface once only, and the affine maps from a place
+    on the plane n·x = 0 to u and to v; None where the surface is no such sheet.   closed (2,) : 1 for a direction whose two
+    ends are the same curve.
+    """
+
+    powers: int
+    parts: int
+    coefficients: Array
+    ends_u: Array
+    ends_v: Array
+    middle_u: Array
+    middle_v: Array
+    lookup_u: Index
+    lookup_v: Index
+    centre: Array
+    extent: float
+    sheet: Array | None
+    closed: Array
+
+    @staticmethod
+    def of(surface: BSplineSurface) -> Patches | None:
+        """None where the degree is above 25."""
+        centre = 0.5 * (surface.poles.min(axis=(0, 1)) + surface.poles.max(axis=(0, 1)))
+        poles = surface.poles - centre
+        extent = float(np.abs(poles).max())
+        if surface.weights is not None:
+            weights = surface.weights[..., None]
+            poles = np.concatenate([poles * weights, weights], axis=2)
+        cells = _cells(surface, poles)
+        if cells is None:
+            return None
+        return Patches(cells[0], poles.shape[2], *cells[1:], centre, extent, _sheet(surface, centre),
+                       _closed(surface))
+
+    @property
+    def arguments(self) -> tuple[object, ...]:
+        """What the kernel takes."""
+        return (self.coefficients, self.ends_u, self.ends_v, self.middle_u, self.middle_v, self.lookup_u, self.lookup_v,
+                self.centre, self.extent)
+
+
+def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, Array, Array, Array, Index, Index] | None:
+    """Powers, flat coefficients, ends, middles and lookups of Σ N_i·N_j·values_ij, values (n_u, n_v, parts); None where it
+    has none."""
+    # (u spans, p + 1, n_v, parts), then (v spans, q + 1, u spans, p + 1, parts)
+    along_u = _power_form(surface.knots_u, values.astype(np.longdouble), surface.degree_u)
+    both = _power_form(surface.knots_v, np.moveaxis(along_u, 2, 0), surface.degree_v)
+    coefficients = both.transpose(2, 0, 4, 3, 1).astype(np.float64)
+    powers = next((n for n in PADDED_POWERS if n >= max(coefficients.shape[3:])), None)
+    cuts = _cuts(surface.knots_u, surface.degree_u), _cuts(surface.knots_v, surface.degree_v)
+    lookup_u, lookup_v = _lookup(cuts[0]), _lookup(cuts[1])
+    if powers is None:
+        return None
+    pad = [(0, 0), (0, 0), (0, 0), *((powers - n, 0) for n in coefficients.shape[3:])]
+    ends_u, ends_v = (np.append(ends, np.inf) for ends in cuts)
+    middle_u, middle_v = (_middles(ends) for ends in cuts)
+    return powers, np.pad(coefficients, pad).ravel(), ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v
+
+
+def _cuts(knots: Array, degree: int) -> Array:
+    """Ends of the spans of the domain; a periodic surface cut open has knots beyond it."""
+    return np.unique(knots[degree:len(knots) - degree])
+
+
+def _middles(ends: Array) -> Array:
+    return 0.5 * (ends[:-1] + ends[1:])
+
+
+def _power_form(knots: Array, poles: Array, degree: int) -> Array:
+    """Powers of t − t_middle on each span, highest first, from the Taylor series there: (spans, degree + 1, …).
+
+    In extended precision: the highest derivatives are differences of poles that agree to many digits, and what they lose
+    in float64 is 2e-15 rad of the normal.
+    """
+    spans, matrices = _taylor_matrices(knots.tobytes(), degree)
+    local = poles[spans[:, None] - degree + np.arange(degree + 1)]
+    powers: Array = matrices @ local.reshape(*local.shape[:2], -1)
+    return powers.reshape(local.shape)
+
+
+@lru_cache(maxsize=8)  # from one design to the next, mostly the knots of one direction change
+def _taylor_matrices(knots_bytes: bytes, degree: int) -> tuple[NDArray[np.intp], Array]:
+    """The knot that starts each span, and what takes the poles that live there to the powers of `_power_form`, (spans, p + 1,
+    p + 1): de Boor's algorithm on each derivative of the p + 1 splines themselves."""
+    knots = np.frombuffer(knots_bytes)
+    cuts = _cuts(knots, degree)
+    spans, at = np.searchsorted(knots, cuts[:-1], side="right") - 1, _middles(cuts)  # the middles that the kernels take
+    knots = knots.astype(np.longdouble)
+    poles = np.repeat(np.eye(degree + 1, dtype=np.longdouble)[:, None], len(spans), axis=1)  # (pole, span, spline)
+    terms = []
+    for m in range(degree + 1):
+        left = degree - m
+        j = np.arange(left + 1)[:, None]
+        local = poles
+        for r in range(1, left + 1):
+            low, high = knots[spans - left + j[r:]], knots[spans + j[r:] - r + 1]
+            share = ((at - low) / (high - low))[..., None]
+            local = (1 - share) * local[:-1] + share * local[1:]
+        terms.append(local[0] / math.factorial(m))
+        apart = knots[spans + 1 + j[:-1]] - knots[spans - left + 1 + j[:-1]]
+        poles = left * np.diff(poles, axis=0) / apart[..., None]
+    return spans, np.stack(terms[::-1], axis=1)
+
+
+def _lookup(ends: Array) -> Index:
+    """The span that holds the start of each bin, none of which holds two ends unless spans are very narrow."""
+    bins = min(int(np.ceil((ends[-1] - ends[0]) / np.diff(ends).min() * 1.001)) + 1, MAX_BINS)
+    starts = ends[0] + (ends[-1] - ends[0]) * np.arange(bins) / bins
+    return np.clip(np.searchsorted(ends, starts, side="right") - 1, 0, len(ends) - 2).astype(np.int32)
+
+
+def _samples(knots: Array, degree: int) -> Array:
+    """The ends of the spans and places between them."""
+    ends = _cuts(knots, degree)
+    inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(SAMPLES) / SAMPLES
+    return np.append(inner.ravel(), ends[-1])
+
+
+def _has_crease(surface: BSplineSurface) -> bool:
+    """Whether a slope may jump: at a knot inside that is repeated as often as the degree."""
+    for knots, degree in ((surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v)):
+        values, counts = np.unique(knots[degree + 1:len(knots) - degree - 1], return_counts=True)
+        if np.any(counts[values < knots[-degree - 1]] >= degree):
+            return True
+    return False
+
+
+def _steepest(surface: BSplineSurface) -> float:
+    """0 for a cap, else the square of the largest slope, which the derivatives' poles bound."""
+    d = surface.on_grid(_samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v), component=2)
+    bend = max(float(np.abs(d["uu"]).max()), float(np.abs(d["vv"]).max()))
+    half = 0.5 * (d["uu"] + d["vv"])
+    upward = half + np.sqrt((0.5 * (d["uu"] - d["vv"])) ** 2 + d["uv"] ** 2)  # the larger principal second derivative
+    if float(upward.max()) <= BENT_UP * bend:
+        return 0.0
+    z_x, _ = _derivative_poles(surface.poles[..., 2], surface.knots_u, surface.degree_u, 0)
+    z_y, _ = _derivative_poles(surface.poles[..., 2], surface.knots_v, surface.degree_v, 1)
+    return float(np.abs(z_x).max() ** 2 + np.abs(z_y).max() ** 2)
+
+
+def _bend(surface: BSplineSurface) -> float:
+    """Bound on |z_dd| over all directions d: the largest row sum of the bounds on the second derivatives."""
+    z = surface.poles[..., 2]
+    u, v = (surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v)
+    z_u, u_1 = _derivative_poles(z, *u, 0)
+    z_v, v_1 = _derivative_poles(z, *v, 1)
+    largest = []
+    for poles, (knots, degree), axis in ((z_u, u_1, 0), (z_u, v, 1), (z_v, v_1, 1)):
+        second, _ = _derivative_poles(poles, knots, degree, axis)
+        largest.append(float(np.abs(second).max(initial=0.0)))
+    return max(largest[0] + largest[1], largest[1] + largest[2])
+
+
+def _derivative_poles(poles: Array, knots: Array, degree: int, axis: int) -> tuple[Array, tuple[Array, int]]:
+    """Poles, knots and degree of the derivative along an axis: degree·(P_i+1 − P_i)/(t_i+p+1 − t_i+1); they bound it."""
+    if degree == 0:
+        return np.zeros((1, 1)), (knots, 0)
+    apart = knots[degree + 1:-1] - knots[1:-degree - 1]
+    steps = np.diff(poles, axis=axis)
+    return degree * steps / np.expand_dims(apart, 1 - axis), (knots[1:-1], degree - 1)
+
+
+def _closed(surface: BSplineSurface) -> Array:
+    u_min, u_max, v_min, v_max = surface.domain
+    u, v = _samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v)
+    same = IDENTITY_TOLERANCE_MM + 1e-12 * float(np.abs(surface.poles).max())
+    apart = (np.linalg.norm(surface.evaluate(u_min, v) - surface.evaluate(u_max, v), axis=-1).max(),
+             np.linalg.norm(surface.evaluate(u, v_min) - surface.evaluate(u, v_max), axis=-1).max())
+    return np.array([float(distance <= same) for distance in apart])
+
+
+def _sheet(surface: BSplineSurface, centre: Array) -> Array | None:
+    """Normal, cone and affine maps of a surface that is a graph over a plane; None where it is not.
+
+    It is one where, in the plane across its mean normal and after the affine map that brings the parameters nearest to the
+    places, the Jacobian's symmetric part is positive definite: on a convex domain no two places then coincide.
+    """
+    u, v = _samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v)
+    d = surface.on_grid(u, v)
+    across = np.cross(d["u"], d["v"]).reshape(-1, 3)
+    length = np.linalg.norm(across, axis=1)
+    if not length.min() > 0.0:
+        return None
+    normal = across.sum(axis=0)
+    if not np.linalg.norm(normal) > 0.0:
+        return None
+    normal /= np.linalg.norm(normal)
+    cosine = float((across @ normal / length).min())
+    if cosine <= 0.0:
+        return None
+    cone = math.sqrt(max(0.0, 1.0 - cosine**2))
+    along = np.linalg.svd(normal[None])[2][1:]  # two directions in the plane
+    place = (d["s"].reshape(-1, 3) - centre) @ along.T
+    design = np.column_stack([np.ones(len(place)), place])
+    uv = np.column_stack([grid.ravel() for grid in np.meshgrid(u, v, indexing="ij")])
+    maps = np.linalg.lstsq(design, uv, rcond=None)[0]  # (3, 2)
+    jacobian = np.stack([d["u"].reshape(-1, 3) @ along.T, d["v"].reshape(-1, 3) @ along.T], axis=2)  # ∂place/∂(u, v)
+    product = np.einsum("nij,kj->nik", jacobian, maps[1:])  # ∂place/∂(mapped place)
+    symmetric = 0.5 * (product + product.transpose(0, 2, 1))
+    if cone > WIDEST_CONE or not np.linalg.eigvalsh(symmetric).min() > 0.0:
+        return None
+    return np.concatenate([normal, [cone + CONE_MARGIN], [maps[0, 0]], maps[1:, 0] @ along, [maps[0, 1]], maps[1:, 1] @ along])

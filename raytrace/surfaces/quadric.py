@@ -1,0 +1,217 @@
+"""Rays and a trimmed plane, sphere or cylinder in, where each ray meets it in closed form out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mirror_cad.surfaces.quadric import Quadric
+from raytrace.kernels import newton
+from raytrace.surfaces.rim import Curve, rim_of
+from raytrace.surfaces.trimming import STRIPS, Trimming
+
+Array = NDArray[np.float64]
+
+TURN = 2.0 * np.pi
+SEAM = 1e-9  # radians beside a seam or pole; loops of other programs miss these by 1e-12 and more
+# Edges that run along u crowd into few strips: where rays are looked at one by one, narrow ones are worth their memory.
+MAX_STRIPS = 1 << 16
+EQUATOR = 256  # points on it
+PLANE, SPHERE, CYLINDER = range(3)
+KINDS = {"plane": PLANE, "sphere": SPHERE, "cylinder": CYLINDER}
+# As numbers of this file: numba's cache does not notice a change in another one (newton.py keeps them as well).
+REFLECTED, MISSED, BEHIND, INVALID, NEAREST_MM = newton.HIT, newton.OUTSIDE, newton.BEHIND, newton.INVALID, newton.NEAREST_MM
+
+
+@dataclass(frozen=True, eq=False)
+class TrimmedQuadric:
+    """A quadric inside trimming loops (closed polygons in its (u, v), even-odd), S_u × S_v times `sign` outward.
+
+    one_sided : whether only the outward side reflects.
+    """
+
+    quadric: Quadric
+    loops: tuple[Array, ...]
+    sign: float = 1.0
+    one_sided: bool = True
+
+    @cached_property
+    def trimming(self) -> Trimming:
+        """The loops as the kernels take them."""
+        return Trimming.of(self.loops, min(max(STRIPS, sum(map(len, self.loops)) // 4), MAX_STRIPS))
+
+    @cached_property
+    def rim(self) -> tuple[Curve, ...]:
+        """The curves that bound it."""
+        return rim_of(self.quadric.evaluate, self.loops)
+
+    def outline(self) -> Array:
+        """Points (n, 3), mm, of its rim, and of a sphere where it bulges beyond that: between which it lies in x, y and z."""
+        return self._outline
+
+    @cached_property
+    def _outline(self) -> Array:
+        points, quadric = [curve.points for curve in self.rim], self.quadric
+        if quadric.kind == "sphere":
+            angle = np.linspace(0.0, TURN, EQUATOR, endpoint=False)
+            ways = np.concatenate([np.stack([np.cos(angle), np.sin(angle), np.zeros(EQUATOR)], axis=1),
+                                   [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+            x, y, z = quadric.axes @ ways.T
+            u, v = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+            inside = [_on_face(SPHERE, *self.trimming.arguments, self.trimming.sure, *self.trimming.box[:2], *place)
+                      for place in zip(u, v, strict=True)]
+            points.append(quadric.centre + quadric.radius_mm * ways[inside])
+        return np.concatenate(points)
+
+    def untrimmed(self) -> TrimmedQuadric:
+        """A part of the same quadric that reaches farther than its loops by half of their size, on every side."""
+        u_min, u_max, v_min, v_max = self.trimming.box
+        more_u, more_v = 0.5 * (u_max - u_min), 0.5 * (v_max - v_min)
+        low, high, bottom, top = u_min - more_u, u_max + more_u, v_min - more_v, v_max + more_v
+        if self.quadric.kind != "plane" and high - low > TURN:
+            low, high = u_min, u_min + TURN
+        if self.quadric.kind == "sphere":
+            bottom, top = max(bottom, -0.5 * np.pi), min(top, 0.5 * np.pi)
+        return replace(self, loops=(np.array([[low, bottom], [high, bottom], [high, top], [low, top]]),))
+
+    @cached_property
+    def _outward(self) -> float:
+        """1 or −1: whether the outer side is the quadric's own."""
+        return self.sign * float(np.sign(np.linalg.det(self.quadric.axes)))
+
+    def meet(self, first: bool, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8], points: Array,
+             normals: Array, reflected: Array, distances: Array) -> None:
+        """Trace a run of n rays to where they first meet it inside its loops; results are those of `raytrace.reflect`.
+
+        first : whether results are new; else a ray keeps what it has met before, unless it meets this nearer.
+        origins (3,) or (3n,), units (3n,) : flat; rays that are not `valid` (n,) become INVALID.
+        """
+        quadric = self.quadric
+        _meet(KINDS[quadric.kind], quadric.radius_mm, quadric.centre, quadric.axes, self._outward, self.one_sided,
+              *self.trimming.arguments, self.trimming.sure, *self.trimming.box[:2], first, origins, units, valid, status,
+              points, normals, reflected, distances)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _within(first, edges, low, inverse_height, sure, u, v):  # type: ignore[no-untyped-def]
+    """Even-odd rule on the trimming polygon, as `newton._inside`, whose changes a cached kernel here would not notice."""
+    if not low <= v <= low + (first.size - 1) / inverse_height:
+        return False
+    strip = int((v - low) * inverse_height)
+    if strip >= first.size - 1:
+        return False
+    if sure[strip, 0] < u < sure[strip, 1]:
+        return True
+    inside = False
+    for k in range(first[strip], first[strip + 1]):
+        u0, v0, u1, v1 = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if (v0 <= v) != (v1 <= v) and u < u0 + (v - v0) * (u1 - u0) / (v1 - v0):
+            inside = not inside
+    return inside
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _on_face(kind, first, edges, low, inverse_height, sure, u_low, u_high, u, v):  # type: ignore[no-untyped-def]
+    """Whether a place lies inside the loops, whose u may run over several turns."""
+    if kind == PLANE:
+        return _within(first, edges, low, inverse_height, sure, u, v)
+    u = u_low + (u - u_low) % TURN
+    # A seam is no edge, nor is a pole: what lies beside it is judged by what lies a little farther beside.
+    if u_high - u_low >= TURN - SEAM:
+        u = min(max(u, u_low + SEAM), u_low + TURN - SEAM)
+    if kind == SPHERE:
+        v = min(max(v, -0.5 * np.pi + SEAM), 0.5 * np.pi - SEAM)
+    while u <= u_high:
+        if _within(first, edges, low, inverse_height, sure, u, v):
+            return True
+        u += TURN
+    return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _roots(kind, radius, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Distances along a ray at which it meets the whole quadric, nearer first, NaN for none; in the quadric's frame.
+
+    For sphere and cylinder the discriminant is taken from the ray's distance q to the centre or axis, (R − q)(R + q): as
+    the square of a root's difference it would lose half of the digits where the ray grazes.
+    """
+    if kind == PLANE:
+        return (-oz / dz if dz != 0.0 else np.nan), np.nan
+    if kind == CYLINDER:
+        oz = dz = 0.0
+    squared = dx * dx + dy * dy + dz * dz
+    middle = -(ox * dx + oy * dy + oz * dz) / squared
+    fx, fy, fz = ox + middle * dx, oy + middle * dy, oz + middle * dz
+    foot = np.sqrt(fx * fx + fy * fy + fz * fz)
+    half = np.sqrt((radius - foot) * (radius + foot) / squared)
+    start = np.sqrt(ox * ox + oy * oy + oz * oz)
+    # The root nearer to zero from the product of both: as a difference it would lose digits next to the surface.
+    far = middle + half if middle >= 0.0 else middle - half
+    near = (start - radius) * (start + radius) / squared / far if far != 0.0 else 0.0
+    return min(near, far), max(near, far)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+def _meet(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low, inverse_height, sure, u_low,  # type: ignore[no-untyped-def]
+          u_high, first, origins, units, valid, status, points, normals, reflected, distances):
+    """`TrimmedQuadric.meet`; outward : 1 or −1, whether the quadric's own outer side is that of the face."""
+    x_x, x_y, x_z = axes[0, 0], axes[0, 1], axes[0, 2]
+    y_x, y_y, y_z = axes[1, 0], axes[1, 1], axes[1, 2]
+    z_x, z_y, z_z = axes[2, 0], axes[2, 1], axes[2, 2]
+    for n in range(status.size):
+        k = 3 * n
+        o = 0 if origins.size == 3 else k
+        if first:
+            status[n], distances[n] = (MISSED if valid[n] else INVALID), np.nan
+            for c in range(k, k + 3):
+                points[c] = normals[c] = reflected[c] = np.nan
+        if not valid[n]:
+            continue
+        px, py, pz = origins[o] - centre[0], origins[o + 1] - centre[1], origins[o + 2] - centre[2]
+        ex, ey, ez = units[k], units[k + 1], units[k + 2]
+        ox, oy, oz = x_x * px + x_y * py + x_z * pz, y_x * px + y_y * py + y_z * pz, z_x * px + z_y * py + z_z * pz
+        dx, dy, dz = x_x * ex + x_y * ey + x_z * ez, y_x * ex + y_y * ey + y_z * ez, z_x * ex + z_y * ey + z_z * ez
+        nearer, farther = _roots(kind, radius, ox, oy, oz, dx, dy, dz)
+        for root in range(2):
+            t = nearer if root == 0 else farther
+            # A NaN, a ray without this root, passes no comparison; one that has met nothing has met it at NaN.
+            if not t > NEAREST_MM or t >= distances[n]:
+                continue
+            # Brought onto the quadric: place (qx, qy, qz), its outer normal (mx, my, mz), and its parameters.
+            qx, qy, qz = ox + t * dx, oy + t * dy, oz + t * dz
+            if kind == PLANE:
+                mx, my, mz, qz, u, v = 0.0, 0.0, 1.0, 0.0, qx, qy
+            elif kind == SPHERE:
+                length = np.sqrt(qx * qx + qy * qy + qz * qz)
+                mx, my, mz = qx / length, qy / length, qz / length
+                u, v = np.arctan2(qy, qx), np.arctan2(qz, np.sqrt(qx * qx + qy * qy))
+                qx, qy, qz = radius * mx, radius * my, radius * mz
+            else:
+                length = np.sqrt(qx * qx + qy * qy)
+                mx, my, mz = qx / length, qy / length, 0.0
+                u, v = np.arctan2(qy, qx), qz
+                qx, qy = radius * mx, radius * my
+            if not _on_face(kind, first_edge, edges, low, inverse_height, sure, u_low, u_high, u, v):
+                continue
+            distances[n] = t
+            nx, ny, nz = x_x * mx + y_x * my + z_x * mz, x_y * mx + y_y * my + z_y * mz, x_z * mx + y_z * my + z_z * mz
+            along = outward * (ex * nx + ey * ny + ez * nz)
+            if one_sided and along >= 0.0:
+                status[n] = BEHIND
+                for c in range(k, k + 3):
+                    points[c] = normals[c] = reflected[c] = np.nan
+                break
+            side = -outward if along > 0.0 else outward
+            nx, ny, nz = side * nx, side * ny, side * nz
+            twice = 2.0 * abs(along)
+            status[n] = REFLECTED
+            points[k] = centre[0] + x_x * qx + y_x * qy + z_x * qz
+            points[k + 1] = centre[1] + x_y * qx + y_y * qy + z_y * qz
+            points[k + 2] = centre[2] + x_z * qx + y_z * qy + z_z * qz
+            normals[k], normals[k + 1], normals[k + 2] = nx, ny, nz
+            reflected[k], reflected[k + 1], reflected[k + 2] = ex + twice * nx, ey + twice * ny, ez + twice * nz
+            break

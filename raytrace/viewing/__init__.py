@@ -1,0 +1,1 @@
+"""Eyes, poses and cameras: from where a reflector is looked at."""

@@ -1,0 +1,169 @@
+"""A mirror on a vehicle, an eye, and what is to be seen where in; the yaw and pitch that show it there out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import TraceError
+from raytrace.reflector import Reflector
+from raytrace.trace import Status, reflect
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import box_of
+
+Array = NDArray[np.float64]
+
+SOLVED = np.radians(1e-8)  # of the two directions asked for: a hundredth of what an aim is promised to
+TILT = 1e-4  # radians: the derivatives by central differences
+MAX_STEPS = 30
+LONGEST_STEP = np.radians(10.0)
+MAX_TURN = np.radians(80.0)  # a mirror turned farther faces the road ahead, or the sky
+SPLIT = 65  # places of an interval that is searched for a root; each round leaves a 64th
+ROUNDS = 9  # below rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """What the mirror shows where, as seen by the eye it is aimed for.
+
+    flank : share of the mirror's width, from its inboard edge outwards, that the vehicle's own flank takes on the row of
+    the horizon. The flank ends at the vertical edge at the vehicle's rear.
+    horizon : share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the width.
+    Width and height are those of what reflects, (x, y) on the surface in mirror coordinates.
+    """
+
+    flank: float
+    horizon: float
+
+
+@dataclass(frozen=True, slots=True)
+class RearEdge:
+    """The vertical edge at the vehicle's rear that ends its flank: X rearward, and Y to the right, mm."""
+
+    x_mm: float
+    y_mm: float
+
+
+def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: Aim) -> Pose:
+    """The pose, turned so that the eye (3,) sees the flank's end and the horizon where they are wanted.
+
+    Two places of the surface, F for the flank and H for the horizon, on one row:
+        F = (x_in − flank·width, y_low + horizon·height),   H = (the middle of the width, the same y).
+    The eye's ray to F leaves through the rear edge, that to H leaves level. Newton on yaw and pitch with exact rays, from
+    where the ray to H leaves straight rearward.
+    Raises: TraceError where no yaw and pitch is found that does it.
+    """
+    x_min, x_max, y_min, y_max = box_of(reflector)
+    y = y_min + wanted.horizon * (y_max - y_min)
+    places = surface_points(reflector, np.array([x_max - wanted.flank * (x_max - x_min), 0.5 * (x_min + x_max)]),
+                            np.array([y, y]))
+    if not np.isfinite(places).all():
+        raise TraceError(f"aim: the mirror has no surface at x = {x_max - wanted.flank * (x_max - x_min):.1f} or "
+                         f"{0.5 * (x_min + x_max):.1f}, y = {y:.1f} mm, where flank_share = {wanted.flank:g} and "
+                         f"horizon_share = {wanted.horizon:g} lie")
+    _refuse_eye(pose, eye, places[1], 0.5 * max(x_max - x_min, y_max - y_min))
+
+    def off(turn: Array) -> Array:
+        turned = replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
+        beside, rise = _past_edge_and_rise(reflector.sheet, turned, eye, edge, places)
+        return np.array([beside[0], rise[1]])
+
+    turn = _straight_back(reflector, pose, eye, places[1])
+    for _ in range(MAX_STEPS):
+        now = off(turn)
+        if not np.isfinite(now).all():
+            break
+        if np.abs(now).max() <= SOLVED:
+            return replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
+        slopes = np.stack([off(turn + shift) - off(turn - shift) for shift in TILT * np.eye(2)], axis=1) / (2.0 * TILT)
+        if not np.isfinite(slopes).all() or np.linalg.det(slopes) == 0.0:
+            break
+        step = -np.linalg.solve(slopes, now)
+        step *= min(1.0, LONGEST_STEP / np.abs(step).max())
+        while not np.isfinite(off(turn + step)).all() and np.abs(step).max() > SOLVED:
+            step *= 0.5
+        turn = turn + step
+        if np.abs(turn).max() > MAX_TURN:
+            break
+    raise TraceError(f"aim: no yaw and pitch shows the own flank on {100 * wanted.flank:g} % of the width with the horizon at "
+                     f"{100 * wanted.horizon:g} % of the height: the search ended at yaw {np.degrees(turn[0]):.1f}°, pitch "
+                     f"{np.degrees(turn[1]):.1f}°. Check the eye's place, the mirror's centre, hand and the vehicle's width")
+
+
+def _refuse_eye(pose: Pose, eye: Array, place: Array, half_size: float) -> None:
+    """Refuse an eye in the mirror, and one that is ahead of it, to which it cannot show what lies behind."""
+    back = eye - replace(pose, yaw=0.0, pitch=0.0).to_vehicle(place)
+    apart = float(np.linalg.norm(back))
+    if apart < half_size:
+        raise TraceError(f"aim: the eye is inside the mirror or touches it, {apart:.0f} mm from its middle: check the eye's "
+                         "place and the mirror's centre")
+    if back[0] <= 0.0:
+        raise TraceError(f"aim: the eye is {-back[0]:.0f} mm ahead of the mirror, which can then show it nothing that lies "
+                         "behind: the mirror's centre must be ahead of the eyes (a smaller X)")
+
+
+def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> Aim:
+    """Where the eye sees the end of the flank and the horizon in a posed mirror; NaN for what it does not show."""
+    x_min, x_max, y_min, y_max = box_of(reflector)
+
+    def at(x: Array | float, y: Array | float) -> tuple[Array, Array]:
+        places = surface_points(reflector, *np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
+        return _past_edge_and_rise(reflector.sheet, pose, eye, edge, places)
+
+    row = _root(lambda y: at(0.5 * (x_min + x_max), y)[1], y_min, y_max)
+    column = _root(lambda x: at(x, row)[0], x_min, x_max)
+    return Aim((x_max - column) / (x_max - x_min), (row - y_min) / (y_max - y_min))
+
+
+def surface_points(reflector: Reflector, x: Array, y: Array) -> Array:
+    """Points (n, 3) of what reflects at (x, y), in mirror coordinates, without glass before it; NaN where it has none. Of a
+    single face those of its whole sheet."""
+    outline = reflector.outline()
+    # From above all that reflects: facets and bulges are higher than the outline by less than its size.
+    above = outline[:, 2].max() + np.linalg.norm(outline.max(axis=0) - outline.min(axis=0))
+    down = np.zeros((len(x), 3))
+    down[:, 2] = -1.0
+    return reflect(reflector.uncoated, np.stack([x, y, np.full(len(x), above)], axis=1), down).points
+
+
+def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
+    """How the rays from the eye to points (n, 3) of the surface leave: the angle at which each passes the rear edge, in
+    plan, and the angle above the horizon; radians, (n,), NaN where one is not reflected or goes forward."""
+    at = pose.to_mirror(eye)
+    trace = reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at)
+    points, ways = pose.to_vehicle(trace.points), pose.directions_to_vehicle(trace.directions)
+    with np.errstate(invalid="ignore"):
+        seen = (trace.status == Status.REFLECTED) & (ways[:, 0] > 0.0) & (points[:, 0] < edge.x_mm)
+        to_edge = np.arctan2(edge.y_mm - points[:, 1], edge.x_mm - points[:, 0])
+        past = np.arctan2(ways[:, 1], ways[:, 0]) - to_edge
+        rise = np.arcsin(ways[:, 2])
+    return np.where(seen, past, np.nan), np.where(seen, rise, np.nan)
+
+
+def _straight_back(reflector: Reflector, pose: Pose, eye: Array, place: Array) -> Array:
+    """Yaw and pitch, about, at which the normal at a point (3,) of the surface halves the angle from the eye to rearward."""
+    normal = reflect(reflector.uncoated, place + np.array([0.0, 0.0, 10.0]), np.array([[0.0, 0.0, -1.0]])).normals[0]
+    if not np.isfinite(normal).all():
+        normal = np.array([0.0, 0.0, 1.0])
+    to_eye = eye - replace(pose, yaw=0.0, pitch=0.0).to_vehicle(place)
+    middle = to_eye / np.linalg.norm(to_eye) + np.array([1.0, 0.0, 0.0])
+    inboard = 1.0 if pose.hand == "left" else -1.0  # a positive yaw turns the face towards the vehicle
+    yaw = np.arctan2(inboard * middle[1], middle[0]) - np.arctan2(normal[0], normal[2])
+    pitch = np.arctan2(middle[2], np.hypot(middle[0], middle[1])) - np.arctan2(normal[1], np.hypot(normal[0], normal[2]))
+    return np.array([yaw, pitch])
+
+
+def _root(function: Callable[[Array], Array], low: float, high: float) -> float:
+    """Where a function (n,) -> (n,) changes its sign first between low and high; NaN where it does not."""
+    for _ in range(ROUNDS):
+        x = np.linspace(low, high, SPLIT)
+        values = function(x)
+        crossing = np.flatnonzero(values[:-1] * values[1:] <= 0.0)
+        if crossing.size == 0:
+            return float("nan")
+        low, high = x[crossing[0]], x[crossing[0] + 1]
+    return 0.5 * (low + high)
+

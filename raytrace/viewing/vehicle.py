@@ -1,0 +1,57 @@
+"""The driver's own vehicle and where his eyes are in it, as far as they matter for what a mirror shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.viewing.aim import RearEdge
+from raytrace.viewing.pose import Hand
+
+Array = NDArray[np.float64]
+
+TOUCHING = 1e-9  # of the way: a ray may start or end on the vehicle's side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Eyes:
+    """The driver's two ocular points, about their middle (3,) in vehicle coordinates, `separation_mm` apart along Y."""
+
+    middle: Array
+    separation_mm: float = 65.0
+
+    @property
+    def left(self) -> Array:
+        return self.middle - np.array([0.0, 0.5 * self.separation_mm, 0.0])
+
+    @property
+    def right(self) -> Array:
+        return self.middle + np.array([0.0, 0.5 * self.separation_mm, 0.0])
+
+
+@dataclass(frozen=True, slots=True)
+class HostVehicle:
+    """A box that hides what lies behind it: |Y| ≤ half_width, front ≤ X ≤ rear, 0 ≤ Z ≤ height, mm."""
+
+    half_width_mm: float
+    front_mm: float
+    rear_mm: float
+    height_mm: float
+
+    def rear_edge(self, hand: Hand) -> RearEdge:
+        """The vertical edge that ends the flank on a mirror's side."""
+        return RearEdge(self.rear_mm, -self.half_width_mm if hand == "left" else self.half_width_mm)
+
+    def hides(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Whether the vehicle stands between starts and ends, (…, 3) mm; no for rows that are not numbers."""
+        way = ends - starts
+        low = np.array([self.front_mm, -self.half_width_mm, 0.0])
+        high = np.array([self.rear_mm, self.half_width_mm, self.height_mm])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (low - starts) / way, (high - starts) / way
+            # A way along a side has 0/0 where it lies in the side: it touches, and is not hidden.
+            enter, leave = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
+            found: NDArray[np.bool_] = (enter < leave) & (leave > TOUCHING) & (enter < 1.0 - TOUCHING)
+        return found

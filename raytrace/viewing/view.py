@@ -1,0 +1,209 @@
+"""A mirror on a vehicle and one ocular point in; what it shows where, and where it shows a point of the world, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import TraceError
+from raytrace.reflector import Reflector
+from raytrace.trace import Status, reflect
+from raytrace.viewing.pose import Pose
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Box = tuple[float, float, float, float]
+
+# Newton is done when the reflected ray passes its target by less: far above rounding, and 2e-5″.
+PASSES_BY = 1e-10
+MAX_STEPS = 40
+TILT = 2e-3  # of the mirror's width: the differences that Newton's derivatives are made of
+LONGEST_STEP = 0.25  # of the mirror's width
+START_GRID = 33
+BEYOND = 0.1  # of the box, on every side: what Newton may start from beside the mirror
+STARTS_AT_ONCE = 4_000  # targets: 35 MB of distances to all starts
+THICKNESS = 10.0  # mm behind the face that count as inside the mirror
+EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TracedRays:
+    """What n rays from the ocular point meet. In vehicle coordinates, mm; rows of rays that are not reflected are NaN.
+
+    seen (n,) : whether the mirror reflects the ray.   points, directions (n, 3) : where it leaves the mirror, and whither.
+    on_mirror (n, 3) : the same points in mirror coordinates.
+    """
+
+    seen: Mask
+    points: Array
+    directions: Array
+    on_mirror: Array
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A posed reflector and an ocular point `eye` (3,) in vehicle coordinates, mm.
+
+    Places (…, 2) are those of the picture plane, the mirror's own z = 0, through which the eye's rays go, in mm.
+    Raises: TraceError for an eye that no place of the mirror faces.
+    """
+
+    reflector: Reflector
+    pose: Pose
+    eye: Array
+
+    def __post_init__(self) -> None:
+        highest = float(self.reflector.outline()[:, 2].max())
+        if not self.eye_in_mirror[2] > max(highest, 0.0) + EYE_CLEARANCE:
+            x, y, z = self.eye_in_mirror
+            box = self.box
+            lowest = float(self.reflector.outline()[:, 2].min()) - THICKNESS
+            inside = box[0] < x < box[1] and box[2] < y < box[3] and z > lowest
+            what = "is inside the mirror" if inside else "is behind the face of the mirror, which is turned away from it"
+            raise TraceError(f"the eye {what}: in mirror coordinates it is at ({x:.0f}, {y:.0f}, {z:.0f}) mm, and z must be "
+                             f"above {max(highest, 0.0):.0f} mm: check the eye's place, the mirror's centre, yaw and pitch")
+
+    @cached_property
+    def eye_in_mirror(self) -> Array:
+        """The ocular point in mirror coordinates, (3,)."""
+        return self.pose.to_mirror(self.eye)
+
+    @cached_property
+    def box(self) -> Box:
+        """(x_min, x_max, y_min, y_max) of what reflects, in mirror coordinates."""
+        return box_of(self.reflector)
+
+    @cached_property
+    def whole(self) -> View:
+        """The same view of the sheet that the mirror was cut from, where it is known, and with nothing before it."""
+        return replace(self, reflector=self.reflector.sheet)
+
+    def trace(self, places: Array) -> TracedRays:
+        """What rays through places (n, 2) meet."""
+        rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - self.eye_in_mirror
+        trace = reflect(self.reflector, self.eye_in_mirror, rays)
+        return TracedRays(trace.status == Status.REFLECTED, self.pose.to_vehicle(trace.points),
+                     self.pose.directions_to_vehicle(trace.directions), trace.points)
+
+    def towards(self, places: Array) -> Array:
+        """Unit directions (…, 3) from the eye to places (…, 2), in vehicle coordinates: where things are seen."""
+        rays = np.concatenate([places, np.zeros((*places.shape[:-1], 1))], axis=-1) - self.eye_in_mirror
+        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        return self.pose.directions_to_vehicle(rays)
+
+    def places_of(self, points: Array) -> Array:
+        """Places (…, 2) through which the eye sees points (…, 3) on the mirror, in mirror coordinates."""
+        eye = self.eye_in_mirror
+        result: Array = eye[:2] + (points[..., :2] - eye[:2]) * (eye[2] / (eye[2] - points[..., 2]))[..., None]
+        return result
+
+    @cached_property
+    def _starts(self) -> tuple[Array, TracedRays]:
+        x_min, x_max, y_min, y_max = self.box
+        more_x, more_y = BEYOND * (x_max - x_min), BEYOND * (y_max - y_min)
+        x, y = np.meshgrid(np.linspace(x_min - more_x, x_max + more_x, START_GRID),
+                           np.linspace(y_min - more_y, y_max + more_y, START_GRID))
+        places = self.places_of(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1))
+        sight = self.whole.trace(places)
+        seen = sight.seen
+        return places[seen], TracedRays(seen[seen], sight.points[seen], sight.directions[seen], sight.on_mirror[seen])
+
+    def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
+        """Where the mirror shows points (n, 3) of the world, or directions (n, 3) of infinitely far ones.
+
+        The place of the picture plane whose reflected ray passes through the target, by Newton on that ray, from the
+        nearest of a grid of rays. Where a concave mirror shows a point more than once, one of them.
+        Returns: places (n, 2), NaN where the sheet shows it nowhere; and (n,) whether it is shown inside the outline.
+        What stands between mirror and target is not looked at.
+        """
+        places = np.full((len(targets), 2), np.nan)
+        if len(targets) == 0:
+            return places, np.zeros(0, dtype=np.bool_)
+        starts, first = self._starts
+        if len(starts) == 0:
+            return places, np.zeros(len(targets), dtype=np.bool_)
+        wanted = targets / np.linalg.norm(targets, axis=1, keepdims=True) if at_infinity else targets
+        for begin in range(0, len(targets), STARTS_AT_ONCE):
+            part = wanted[begin:begin + STARTS_AT_ONCE]
+            # Not by BLAS: its threads would spin beside those that trace.
+            alike = np.einsum("ij,kj->ik", part, first.directions) if at_infinity else _alike(part, first)
+            places[begin:begin + STARTS_AT_ONCE] = starts[np.argmax(alike, axis=1)]
+        found = self._newton(places, wanted, at_infinity)
+        places[~found] = np.nan
+        shown = np.zeros(len(targets), dtype=np.bool_)
+        index = np.flatnonzero(found)
+        shown[index] = self.trace(places[index]).seen
+        return places, shown
+
+    def _newton(self, places: Array, wanted: Array, at_infinity: bool) -> Mask:
+        """Move places until their rays pass through what is wanted; returns where they do."""
+        size = self.box[1] - self.box[0]
+        step = TILT * size
+        shifts = np.array([[0.0, 0.0], [step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]])
+        found = np.zeros(len(places), dtype=np.bool_)
+        going = np.arange(len(places))
+        best = np.full(len(places), np.inf)
+        kept, last = places.copy(), np.zeros_like(places)
+        for _ in range(MAX_STEPS):
+            n = len(going)
+            if n == 0:
+                break
+            asked = (places[going, None] + shifts).reshape(-1, 2)
+            missed = self._misses(asked, np.repeat(wanted[going], 5, axis=0), at_infinity).reshape(n, 5, 2)
+            now = np.linalg.norm(missed[:, 0], axis=1)
+            better = now < best[going]  # not where it is NaN
+            best[going[better]] = now[better]
+            kept[going[better]] = places[going[better]]
+            found[going] = best[going] <= PASSES_BY
+            a, b = (_slope(missed[:, 0], missed[:, k], missed[:, k + 1], step) for k in (1, 3))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                determinant = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+                move = -np.stack([missed[:, 0, 0] * b[:, 1] - missed[:, 0, 1] * b[:, 0],
+                                  a[:, 0] * missed[:, 0, 1] - a[:, 1] * missed[:, 0, 0]], axis=1) / determinant[:, None]
+                move *= np.minimum(1.0, LONGEST_STEP * size / np.linalg.norm(move, axis=1))[:, None]
+            good = better & np.isfinite(move).all(axis=1)
+            last[going] = np.where(good[:, None], move, 0.5 * last[going])  # not better: half the step before, from there
+            places[going] = kept[going] + last[going]
+            going = going[~found[going] & (np.linalg.norm(last[going], axis=1) > 1e-12 * size)]
+        places[:] = kept
+        return found
+
+    def _misses(self, places: Array, wanted: Array, at_infinity: bool) -> Array:
+        """By what angles, about, the rays through places pass their targets: (n, 2), NaN where they are not reflected."""
+        sight = self.whole.trace(places)
+        towards = wanted if at_infinity else wanted - sight.points
+        with np.errstate(invalid="ignore"):
+            towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+            # Two directions across the target's, from an axis that is the same for all rays to one target.
+            far = wanted if at_infinity else wanted - self.eye
+            side = np.cross(towards, np.eye(3)[np.argmin(np.abs(far), axis=1)])
+            side /= np.linalg.norm(side, axis=1, keepdims=True)
+            up = np.cross(towards, side)
+            result = np.stack([np.einsum("ij,ij->i", sight.directions, side), np.einsum("ij,ij->i", sight.directions, up)],
+                              axis=1)
+            result[np.einsum("ij,ij->i", sight.directions, towards) <= 0.0] = np.nan
+        return result
+
+
+def _slope(here: Array, after: Array, before: Array, step: float) -> Array:
+    """Derivatives (n, 2) by central differences, or to the one side on which there is a value."""
+    slope = (after - before) / (2.0 * step)
+    slope = np.where(np.isfinite(slope), slope, (after - here) / step)
+    return np.where(np.isfinite(slope), slope, (here - before) / step)
+
+
+def box_of(reflector: Reflector) -> Box:
+    """(x_min, x_max, y_min, y_max) of what reflects, mm."""
+    points = reflector.outline()
+    return (float(points[:, 0].min()), float(points[:, 0].max()), float(points[:, 1].min()), float(points[:, 1].max()))
+
+
+def _alike(points: Array, first: TracedRays) -> Array:
+    """Cosines (n, m) between the rays that start and what each point is seen at from where they start."""
+    apart = points[:, None, :] - first.points[None, :, :]
+    length = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(np.einsum("ijk,jk->ij", apart, first.directions) / length, nan=-1.0)

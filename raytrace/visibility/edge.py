@@ -1,0 +1,335 @@
+"""A view in, the edge of what its eye sees reflecting, and where lines of the world cross it, out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.reflector import Reflector, TrimmedSurface
+from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.surfaces.rim import AROUND, Evaluate
+from raytrace.trace import OBSTACLE_MARGIN_MM, Status, reflect
+from raytrace.viewing.view import Mask, TracedRays, View
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+CORNER = 0.1  # radians between two pieces of a rim
+LEAST = 16  # vertices on the smallest curve
+WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
+SAME_PLACE_MM = 1e-6  # a ray to a vertex of the outline meets it, and not another part of the sheet before it
+GRID_SHAPE = (113, 149)  # places across and up, where the edge is not known and has to be looked for: some 2.5 mm apart
+BESIDE = 0.1  # of the width and height of what is known of the outline: where it bulges
+REFINED = 1  # times: each halves the distance
+SPLIT, ROUNDS = 4, 14  # parts of their distance, one of which is left each time: 2e-8 mm in the end
+RIM = 0.5  # the cosine of the turn against the mirror's z from which a face is a rim: mirrors slope by less than 60°
+MAX_STEPS = 80  # halving alone takes 37
+SETTLED = 1e-11  # of the bracket: a root that is known to less is found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """Closed loops of n places at which the eye sees the mirror's edge, and what the rays through them do.
+
+    places (n, 2) : on the picture plane, mm.   following (n,) : the index of the next vertex of the same loop; what reflects
+    lies on one side.   points, directions (n, 3) : where the rays through the vertices leave the mirror, and whither, in
+    vehicle coordinates.   way : places (m, 2) of the edge at shares (m,) of the way from vertices (m,) to the next.
+    of : the view that it is the edge of.   view : is asked for rays through the edge: the view of the whole sheet where there
+    is one (`beyond`), which goes on there.   rim : whether it is that of a face, or was looked for.
+    Where one face without glass is all that the eye sees reflecting, and it sees all of it, the edge is its rim. For glass,
+    several faces and meshes, where the face turns away from the eye, and where something stands before the mirror, it is
+    looked for: vertices some 0.6 mm apart and the places half way between are right to 1e-9 of the mirror's width, and
+    parabolas join them.
+    """
+
+    of: View
+    view: View
+    beyond: bool
+    rim: bool
+    places: Array
+    points: Array
+    directions: Array
+    following: Index
+    way: Callable[[Index, Array], Array]
+
+    def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
+        """Places (m, 2) of the edge at shares t (m,) of the way from vertex k to the next, and what the rays there do."""
+        places = self.way(k, t)
+        sight = self.view.trace(places)
+        lost = ~(sight.seen if self.beyond else _shows(self.view, places, sight))
+        if not lost.any():
+            return places, sight
+        # Where an edge that was looked for is hollow: a straight way between the rays of its vertices.
+        after, share = self.following[k], t[:, None]
+        points, directions = (one[k] + share * (one[after] - one[k]) for one in (self.points, self.directions))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        points = np.where(lost[:, None], points, sight.points)
+        return places, TracedRays(np.ones_like(lost), points, np.where(lost[:, None], directions, sight.directions),
+                             self.view.pose.to_mirror(points))
+
+    def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
+        """`View.find`, and whether the edge encloses the places."""
+        places, inside = self.of.find(targets, at_infinity)
+        if not self.rim:
+            inside[inside] = _shows(self.of, places[inside])
+        return places, inside
+
+    def middle(self) -> Array:
+        """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
+        sight = self.view.trace(self.places.mean(axis=0)[None])
+        mean: Array = self.directions.mean(axis=0)
+        return sight.directions[0] if sight.seen[0] else mean
+
+    def shows_more_than_half(self, middle: Array) -> bool:
+        """Whether directions may be shown that are opposite to each other; `middle` as above."""
+        return bool((self.directions @ middle <= 0.0).any())
+
+    def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
+        """Where a function (points (m, 3), directions (m, 3)) -> (m,) changes its sign along the edge: after which vertices,
+        and the places and rays."""
+        now = value(self.points, self.directions)
+        k = np.flatnonzero((now > 0.0) != (now[self.following] > 0.0))
+        return k, *self.settle(k, now[k], now[self.following[k]], value)
+
+    def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array]) -> tuple[Array, TracedRays]:
+        """Where functions (m,) of rays that have opposite signs at the vertices k (m,) and at the next vanish between."""
+        def at(t: Array) -> Array:
+            _, sight = self.between(k, t)
+            return value(sight.points, sight.directions)
+
+        return self.between(k, roots(at, at_low, at_high))
+
+
+@lru_cache(maxsize=8)
+def edge_of(view: View) -> Edge:
+    """The edge of what the eye of a view sees reflecting; that of the last views is kept."""
+    face = _shown_face(view)
+    rim = None if face is None else _rim(face)
+    if face is not None and rim is not None:
+        whole = replace(view, reflector=_alone(face).sheet)
+        places = view.places_of(rim.points)
+        sight = whole.trace(places)
+        if sight.seen.all() and np.linalg.norm(sight.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
+                and not _stands_before(view, rim.points):
+            return Edge(view, whole, True, True, places, sight.points, sight.directions, rim.following,
+                        lambda k, t: view.places_of(rim.at(k, t)))
+    return visibility_contour(view)
+
+
+def _shown_face(view: View) -> TrimmedSurface | TrimmedQuadric | None:
+    """The face that is all that the eye sees reflecting, with nothing before it; None where there is none."""
+    reflector = view.reflector
+    if reflector.glass is not None or not reflector.surfaces:
+        return None
+    if len(reflector.surfaces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
+        return reflector.surfaces[0]
+    places = _grid(view).reshape(-1, 2)
+    sight = view.trace(places)
+    shown = np.flatnonzero(_shows(view, places, sight))
+    if shown.size == 0:
+        return None
+    rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - view.eye_in_mirror
+    for face in reflector.surfaces:
+        # One ray first: most of a solid's faces are not the one.
+        for asked in (shown[:1], np.arange(len(places))):
+            alone = reflect(_alone(face), view.eye_in_mirror, rays[asked])
+            seen = alone.status == Status.REFLECTED
+            if not np.array_equal(seen, np.isin(asked, shown)):
+                break
+            if np.linalg.norm(alone.points[seen] - sight.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
+                break
+        else:
+            return face
+    return None
+
+
+@lru_cache(maxsize=8)
+def _alone(face: TrimmedSurface | TrimmedQuadric) -> Reflector:
+    """A face that nothing stands before, with the sheet and the start meshes that it makes once."""
+    return Reflector((face,))
+
+
+def _stands_before(view: View, points: Array) -> bool:
+    """Whether anything stands between the eye and points (n, 3) of the mirror."""
+    reflector, eye = view.reflector, view.eye_in_mirror
+    rays = points - eye
+    reach = np.linalg.norm(rays, axis=1)
+    met = reflect(replace(reflector, obstacles=None), eye, rays).distances
+    if reflector.obstacle_scene is not None and not reflector.obstacles_behind:
+        origins = np.broadcast_to(eye, rays.shape)
+        met = np.fmin(met, reflector.obstacle_scene.first_hits(origins, rays / reach[:, None]).distance)
+    return bool((met < reach - OBSTACLE_MARGIN_MM).any())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rim:
+    """n vertices on the curves that bound a face, points (n, 3), each with the `count` pieces of its curve up to the
+    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v)."""
+
+    evaluate: Evaluate
+    start: Array
+    end: Array
+    first: Index
+    count: Index
+    points: Array
+    following: Index
+
+    def at(self, k: Index, t: Array) -> Array:
+        """Points (m, 3) at shares t (m,) of the way from vertices k (m,) to the following ones, piece by piece."""
+        along = t * self.count[k]
+        piece = np.clip(along.astype(np.intp), 0, self.count[k] - 1)
+        share, piece = (along - piece)[:, None], self.first[k] + piece
+        return self.evaluate(*(self.start[piece] + share * (self.end[piece] - self.start[piece])).T)
+
+
+@lru_cache(maxsize=8)
+def _rim(face: TrimmedSurface | TrimmedQuadric) -> _Rim | None:
+    """The rim of a face with vertices at its corners and AROUND others, evenly spread; None for a face without one."""
+    if not face.rim:
+        return None
+    if isinstance(face, TrimmedSurface):
+        evaluate: Evaluate = face.surface.evaluate
+        u_min, u_max, v_min, v_max = face.surface.domain
+        low, high = np.array([u_min, v_min]), np.array([u_max, v_max])
+        low, high = low + WITHIN * (high - low), high - WITHIN * (high - low)
+    else:
+        evaluate, low, high = face.quadric.evaluate, np.full(2, -np.inf), np.full(2, np.inf)
+    start, end = (np.clip(np.concatenate([getattr(curve, side) for curve in face.rim]), low, high) for side in ("start", "end"))
+    step = sum(float(curve.lengths.sum()) for curve in face.rim) / AROUND
+    first, count, following, pieces, vertices = [], [], [], 0, 0
+    for curve in face.rim:
+        length = curve.lengths
+        cell = np.floor((np.cumsum(length) - length) / min(step, float(length.sum()) / LEAST))
+        ways = (np.roll(curve.points, -1, axis=0) - curve.points) / length[:, None]
+        bent = np.einsum("ij,ij->i", ways, np.roll(ways, 1, axis=0)) < np.cos(CORNER)
+        at = np.flatnonzero((cell != np.roll(cell, 1)) | bent | (np.arange(len(length)) == 0))
+        first.append(pieces + at)
+        count.append(np.diff(np.append(at, len(length))))
+        following.append(vertices + np.roll(np.arange(len(at)), -1))
+        pieces, vertices = pieces + len(length), vertices + len(at)
+    begin = np.concatenate(first)
+    return _Rim(evaluate, start, end, begin, np.concatenate(count), evaluate(*start[begin].T), np.concatenate(following))
+
+
+def _grid(view: View) -> Array:
+    """Places (GRID_SHAPE, 2) over all that a view may show."""
+    seen_at = view.places_of(view.reflector.outline())
+    low, high = seen_at.min(axis=0), seen_at.max(axis=0)
+    margin = BESIDE * (high - low)
+    x, y = (np.linspace(low[c] - margin[c], high[c] + margin[c], GRID_SHAPE[c]) for c in (0, 1))
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
+
+
+def visibility_contour(view: View) -> Edge:
+    """The edge as the border of the places of a grid whose rays are reflected, moved to where they cease to be."""
+    grid = _grid(view)
+    seen = _shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
+    sides, following = _border(seen)
+    nodes = grid.reshape(-1, 2)
+    places = bisect_visibility(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
+    for _ in range(REFINED):
+        middles = _middles(view, places, following)
+        places, following = (np.concatenate([places, middles]),
+                             np.concatenate([len(places) + np.arange(len(places)), following]))
+    middles = _middles(view, places, following)
+
+    def way(k: Index, t: Array) -> Array:
+        after, share = following[k], t[:, None]
+        found: Array = ((1.0 - share) * (1.0 - 2.0 * share) * places[k] + 4.0 * share * (1.0 - share) * middles[k]
+                        + share * (2.0 * share - 1.0) * places[after])
+        return found
+
+    sight = view.trace(places)
+    one = len(view.reflector.surfaces) == 1
+    return Edge(view, view.whole if one else view, one, False, places, sight.points, sight.directions, following, way)
+
+
+def _middles(view: View, places: Array, following: Index) -> Array:
+    """Places of the edge half way from each to the next, inside lying to the left; on the chord where they are not found."""
+    along = places[following] - places
+    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    middles = places + 0.5 * along
+    k = np.flatnonzero(_shows(view, middles + left) & ~_shows(view, middles - left))
+    middles[k] = bisect_visibility(view, middles[k] + left[k], middles[k] - left[k])
+    return middles
+
+
+def _border(seen: Mask) -> tuple[Index, Index]:
+    """Where a mask on a grid changes: the nodes inside and outside (m, 2) of each side of a cell on which it does, and the
+    index of the next such side round what is inside, which lies to the left.
+
+    Where two corners of a cell that lie across are inside, they are taken to be apart.
+    """
+    node = np.arange(seen.size).reshape(seen.shape)
+    corners = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=2).reshape(-1, 4)
+    inside = seen.ravel()[corners]
+    starts, ends = [], []
+    for side in range(4):  # a run of corners that are inside begins after this side of the cell, counter-clockwise
+        cell = np.flatnonzero(~inside[:, side] & inside[:, (side + 1) % 4])
+        last = np.full(len(cell), (side + 1) % 4)
+        while (more := inside[cell, (last + 1) % 4]).any():
+            last = np.where(more, (last + 1) % 4, last)
+        # The border cuts the run off, from behind its last corner to before its first.
+        starts.append(np.stack([corners[cell, last], corners[cell, (last + 1) % 4]], axis=1))
+        ends.append(np.stack([corners[cell, (side + 1) % 4], corners[cell, side]], axis=1))
+    start, end = np.concatenate(starts), np.concatenate(ends)
+    name, wanted = start @ [seen.size, 1], end @ [seen.size, 1]
+    order = np.argsort(name)
+    return start, order[np.searchsorted(name[order], wanted)]
+
+
+def _shows(view: View, places: Array, sight: TracedRays | None = None) -> Mask:
+    """Whether places (m, 2) show a reflection, and not one from a rim: the mirror looks the way that its face is turned."""
+    sight = sight or view.trace(places)
+    normal = sight.directions - view.towards(places)
+    with np.errstate(invalid="ignore"):
+        towards = view.pose.directions_to_mirror(normal)[:, 2] / np.linalg.norm(normal, axis=1)
+        shows: Mask = sight.seen & (towards > RIM)
+    return shows
+
+
+def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
+    """The last places (m, 2) that are seen on the way from places inside to such outside."""
+    share = (np.arange(SPLIT + 1) / SPLIT)[:, None]
+    row = np.arange(len(inside))
+    for _ in range(ROUNDS):
+        at = inside[:, None] + share * (outside - inside)[:, None]
+        seen = _shows(view, at[:, 1:-1].reshape(-1, 2)).reshape(-1, SPLIT - 1)
+        last = np.argmin(np.concatenate([seen, np.zeros((len(seen), 1), dtype=np.bool_)], axis=1), axis=1)
+        inside, outside = at[row, last], at[row, last + 1]
+    return inside
+
+
+def roots(function: Callable[[Array], Array], at_low: Array, at_high: Array) -> Array:
+    """Where functions (m,) -> (m,) vanish between 0 and 1; at_low, at_high (m,) : their values there, of opposite signs.
+
+    A secant first, then inverse quadratic interpolation where three values allow it, halving elsewhere.
+    Source: Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function, Advances in
+    Engineering Software 28 (1997).
+    """
+    here, other = np.zeros_like(at_low), np.ones_like(at_low)
+    at_here, at_other = at_low, at_high
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(at_low == at_high, 0.5, at_low / (at_low - at_high))  # a straight line: most are nearly that
+    for _ in range(MAX_STEPS):
+        there = here + share * (other - here)
+        now = function(there)
+        beside = (now > 0.0) == (at_here > 0.0)
+        third, at_third = np.where(beside, here, other), np.where(beside, at_here, at_other)
+        other, at_other = np.where(beside, other, here), np.where(beside, at_other, at_here)
+        here, at_here = there, now
+        least = np.minimum(0.5, SETTLED / np.maximum(np.abs(other - here), SETTLED))
+        if ((least >= 0.5) | (at_here == 0.0)).all():
+            break
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x, y = (here - other) / (third - other), (at_here - at_other) / (at_third - at_other)
+            quadratic = (at_here / (at_other - at_here) * at_third / (at_other - at_third)
+                         + (third - here) / (other - here) * at_here / (at_third - at_here) * at_other / (at_third - at_other))
+        share = np.where((y * y < x) & ((1.0 - y) ** 2 < 1.0 - x), np.clip(quadratic, least, 1.0 - least), 0.5)
+        share = np.where(at_here == 0.0, 0.0, share)
+    return np.where(np.abs(at_here) <= np.abs(at_other), here, other)

@@ -1,0 +1,215 @@
+"""A straight line of the world and a view in, where the eye sees it in the mirror out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import Mask, View
+from raytrace.visibility.edge import Edge, edge_of, roots
+from raytrace.visibility.plan import beside, brought, hidden_by
+
+Array = NDArray[np.float64]
+End = Literal["line", "edge", "hidden"]
+Known = tuple[Array, Array] | None
+
+SAMPLES = 65
+GRID_SHAPE = 17  # places of each part that the mirror shows, at which the own vehicle may hide it
+BEHIND = 1e-4  # radians of φ: some 0.01 mm of the picture
+FAR_MM = 1e9  # what the vanishing point counts as where the vehicle may stand before it
+REARWARD = np.array([1.0, 0.0, 0.0])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StraightLine:
+    """The points start + s·direction, 0 ≤ s ≤ length_mm, which may be inf; in vehicle coordinates, direction (3,) a unit."""
+
+    start: Array
+    direction: Array
+    length_mm: float
+
+    def at(self, along_mm: Array) -> Array:
+        """Points (n, 3) at finite distances (n,) from the start."""
+        return self.start + along_mm[:, None] * self.direction
+
+
+def road_line(y_mm: float, near_mm: float = 0.0, far_mm: float = np.inf) -> StraightLine:
+    """A line on the road along it: Y = y_mm, Z = 0, from X = near_mm to far_mm, inf for the vanishing point."""
+    return StraightLine(np.array([near_mm, y_mm, 0.0]), REARWARD, far_mm - near_mm)
+
+
+def column(x_mm: float, y_mm: float, height_mm: float) -> StraightLine:
+    """A vertical line that stands on the ground at (x_mm, y_mm)."""
+    return StraightLine(np.array([x_mm, y_mm, 0.0]), UP, height_mm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineImage:
+    """A part of a line that an eye sees in a mirror, from the nearer end of the line to the farther; n places.
+
+    along_mm (n,) : of the points on the line, from its start, inf for the vanishing point.   places (n, 2) : of the picture
+    plane, mm.   directions (n, 3) : unit, from the eye, in vehicle coordinates: where they are seen.   on_mirror (n, 3) : where
+    the mirror reflects them, in mirror coordinates.   ends : why it ends at either end: the line does, the mirror does at its
+    edge, or the own vehicle hides the rest.
+    """
+
+    along_mm: Array
+    places: Array
+    directions: Array
+    on_mirror: Array
+    ends: tuple[End, End]
+
+    @property
+    def extent(self) -> float:
+        """The angle between what is seen of its two ends, radians."""
+        a, b = self.directions[0], self.directions[-1]
+        return float(2.0 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineView:
+    """A line as the mirror sees it: points of the line by the angle φ at which they are seen from the mirror, about, measured
+    from the foot of the perpendicular: s = foot + away·tan φ. So samples are spread over the picture, and the vanishing point,
+    φ = 90°, is a place like others."""
+
+    view: View
+    edge: Edge
+    line: StraightLine
+    foot_mm: float
+    away_mm: float
+
+    @staticmethod
+    def of(view: View, line: StraightLine) -> LineView:
+        """The line in a view."""
+        edge = edge_of(view)
+        mirror = edge.points.mean(axis=0) - line.start
+        foot = float(mirror @ line.direction)
+        return LineView(view, edge, line, foot, float(np.linalg.norm(mirror - foot * line.direction)))
+
+    @property
+    def ends(self) -> Array:
+        """φ at the line's two ends, (2,)."""
+        return self.angle(np.array([0.0, self.line.length_mm]))
+
+    def angle(self, along_mm: Array) -> Array:
+        """φ of points of the line (n,)."""
+        result: Array = np.arctan2(along_mm - self.foot_mm, self.away_mm)
+        return result
+
+    def along(self, angle: Array) -> Array:
+        """Where on the line φ is (n,), mm; inf for the vanishing point."""
+        endless = np.isinf(self.line.length_mm) & (angle >= self.ends[1])
+        return np.where(endless, np.inf, self.foot_mm + self.away_mm * np.tan(angle))
+
+    def find(self, angle: Array) -> tuple[Array, Mask]:
+        """The places (n, 2) that show the line's points at φ (n,), NaN where the sheet shows none, and whether inside the
+        outline."""
+        along = self.along(angle)
+        far = np.isinf(along)
+        places, seen = np.empty((len(angle), 2)), np.empty(len(angle), dtype=np.bool_)
+        places[~far], seen[~far] = self.view.find(self.line.at(along[~far]))
+        places[far], seen[far] = self.view.find(np.tile(self.line.direction, (int(far.sum()), 1)), at_infinity=True)
+        return places, seen
+
+    def crossings(self) -> tuple[Array, Array, Array]:
+        """φ (k,), rising, at which the line's image meets the edge, the places there (k, 2), and on the mirror (k, 3).
+
+        A ray from q along d and the line are in one plane where (q − start)·(direction × d) = 0.
+        """
+        start, u = self.line.start, self.line.direction
+        _, places, sight = self.edge.crossings(lambda q, d: np.einsum("ij,ij->i", q - start, np.cross(u, d)))
+        across = np.cross(u, sight.directions)
+        from_start = sight.points - start
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.einsum("ij,ij->i", across, across)
+            along = np.einsum("ij,ij->i", np.cross(from_start, sight.directions), across) / scale
+            ahead = np.einsum("ij,ij->i", np.cross(from_start, u), across) / scale
+        angle = self.angle(along)
+        met = (ahead > 0.0) & (angle > self.ends[0]) & (angle < self.ends[1])
+        order = np.argsort(angle[met])
+        return angle[met][order], places[met][order], sight.on_mirror[met][order]
+
+    def inside(self, stops: Array, at: Array) -> Mask:
+        """Whether the mirror shows the parts of the line between its ends and the crossings, stops (k + 2,), whose places are
+        `at` (k, 2)."""
+        if len(at) == 0 or not self.edge.beyond:
+            return self.find(0.5 * (stops[1:] + stops[:-1]))[1]
+        # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
+        behind = np.minimum(stops[1:-1] + BEHIND, 0.5 * (stops[1:-1] + stops[2:]))
+        places, _ = brought(self.edge.view, at, self.line.at(self.along(behind)))
+        shows = self.view.trace(places).seen
+        return np.concatenate([~shows[:1], shows])
+
+    def hidden(self, own: HostVehicle, angle: Array) -> Array:
+        """By how much the own vehicle hides the line's points at φ (n,): above 0 where it does."""
+        places, _ = self.find(angle)
+        along = np.minimum(self.along(angle), FAR_MM)
+        return hidden_by(own, self.edge.view.trace(places).points, self.line.at(along))
+
+    def image(self, low: float, high: float, ends: tuple[End, End], known: tuple[Known, Known], samples: int) -> LineImage:
+        """The part of the image between two φ, with what is known of its ends: their place and where on the mirror it is."""
+        angle = np.linspace(low, high, samples)
+        places, _ = self.find(angle)
+        sight = self.edge.view.trace(places)
+        kept, on_mirror = sight.seen, sight.on_mirror
+        for k, end in zip((0, -1), known, strict=True):
+            if end is not None:
+                places[k], on_mirror[k], kept[k] = end[0], end[1], True
+        return LineImage(self.along(angle)[kept], places[kept], self.view.towards(places[kept]), on_mirror[kept], ends)
+
+
+def line_images(view: View, line: StraightLine, own: HostVehicle | None = None, samples: int = SAMPLES) -> tuple[LineImage, ...]:
+    """The parts of a line that the eye sees in the mirror and the own vehicle does not hide, the largest first.
+
+    Each is sampled at places evenly spread over the picture, both ends among them. Ends at the edge and at what the vehicle
+    hides are exact. Meshes show nothing beyond their edge, where Newton takes its differences: of theirs, samples within 0.2 %
+    of the mirror's width from the edge may be missing, the ends not.
+    """
+    if len(edge_of(view).places) == 0:
+        return ()
+    seen = LineView.of(view, line)
+    low, high = (float(end) for end in seen.ends)
+    crossings, at, on_mirror = seen.crossings()
+    stops = np.concatenate([[low], crossings, [high]])
+    known: list[Known] = [None, *zip(at, on_mirror, strict=True), None]
+    inside = seen.inside(stops, at)
+    images = []
+    for begin, end in _runs(inside):
+        ends: tuple[End, End] = ("line" if begin == 0 else "edge", "line" if end == len(inside) else "edge")
+        images += _unhidden(seen, own, stops[begin], stops[end], ends, (known[begin], known[end]), samples)
+    return tuple(sorted((image for image in images if len(image.along_mm) > 1), key=lambda image: -image.extent))
+
+
+def _unhidden(seen: LineView, own: HostVehicle | None, low: float, high: float, ends: tuple[End, End],
+              known: tuple[Known, Known], samples: int) -> list[LineImage]:
+    """The images of the parts between two φ that the own vehicle does not hide."""
+    ends_at = seen.line.at(np.minimum(seen.along(np.array([low, high])), FAR_MM))
+    if own is None or beside(seen.edge, own, ends_at[:, None, :2])[0]:
+        return [seen.image(low, high, ends, known, samples)]
+    angle = np.linspace(low, high, GRID_SHAPE + 2)[1:-1]  # what hides the very ends is not a part
+    by = seen.hidden(own, angle)
+    angle, by = angle[np.isfinite(by)], by[np.isfinite(by)]
+    if by.size == 0:
+        return [seen.image(low, high, ends, known, samples)]
+    k = np.flatnonzero((by[:-1] > 0.0) != (by[1:] > 0.0))
+    step = angle[k + 1] - angle[k]
+    turns = angle[k] + step * roots(lambda t: seen.hidden(own, angle[k] + t * step), by[k], by[k + 1])
+    stops = np.concatenate([[low], turns, [high]])
+    open_first = not by[0] > 0.0
+    images = []
+    for i in range(0 if open_first else 1, len(stops) - 1, 2):
+        first, last = i == 0, i == len(stops) - 2
+        images.append(seen.image(stops[i], stops[i + 1], (ends[0] if first else "hidden", ends[1] if last else "hidden"),
+                                 (known[0] if first else None, known[1] if last else None), samples))
+    return images
+
+
+def _runs(inside: Mask) -> list[tuple[int, int]]:
+    """Where flags hold in a row: (first, one after the last)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

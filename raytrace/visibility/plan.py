@@ -1,0 +1,335 @@
+"""A mirror's edge and parallel lines of a level plane in, the parts of them that it shows out: a plan, line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.viewing.vehicle import TOUCHING, HostVehicle
+from raytrace.viewing.view import Mask, View
+from raytrace.visibility.edge import Edge, roots
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Axis = Literal[0, 1]  # of the coordinate that a line keeps: 0 for X, 1 for Y
+Polygon = NDArray[np.float64]
+
+GRID_SHAPE = 6  # places of a part of a line at which the own vehicle may hide it
+INSIDE = 1e-3  # of a part of a line: how far inside its ends, where rays may miss the mirror, Newton starts
+ENDLESS_MM = 1e6  # as far as a part of a line is followed that the mirror shows without an end
+STEP_MM = 0.02  # of the differences that Newton's derivatives are made of: 1e-4 of the mirror's width
+MAX_STEPS = 12
+SETTLED = 1e-12  # radians by which a ray passes its target: Newton is done
+SOLVED = 0.02  # what Newton did not bring below that is not shown; facets turn their rays in steps of as much
+WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IntervalSet:
+    """m intervals on numbered parallel lines, in rising order on each: row, low and high (m,), the last two in mm."""
+
+    row: Index
+    low: Array
+    high: Array
+
+    @property
+    def total(self) -> float:
+        """The length of all, mm."""
+        return float(np.sum(self.high - self.low))
+
+    def of(self, row: int) -> Array:
+        """The intervals of one line, (k, 2)."""
+        return np.stack([self.low, self.high], axis=1)[self.row == row]
+
+    def clipped(self, low: float | Array, high: float | Array) -> IntervalSet:
+        """What lies between low and high, each a number or one for every interval."""
+        a, b = np.maximum(self.low, low), np.minimum(self.high, high)
+        kept = a < b
+        return IntervalSet(self.row[kept], a[kept], b[kept])
+
+    def mask(self, rows: int, places: Array) -> Mask:
+        """Whether rising places (n,) on each of the lines lie inside, (rows, n)."""
+        steps = np.zeros((rows, len(places) + 1), dtype=np.int32)
+        np.add.at(steps, (self.row, np.searchsorted(places, self.low, "left")), 1)
+        np.add.at(steps, (self.row, np.searchsorted(places, self.high, "right")), -1)
+        found: Mask = np.cumsum(steps, axis=1)[:, :-1] > 0
+        return found
+
+
+def combined(keep: Callable[..., Mask], *sets: IntervalSet) -> IntervalSet:
+    """Where `keep` says so of k flags (n,), one a set: whether it holds there. It must say no where none of them does.
+    Intervals that touch become one."""
+    row = np.concatenate([row for spans in sets for row in (spans.row, spans.row)])
+    at = np.concatenate([end for spans in sets for end in (spans.low, spans.high)])
+    steps = np.concatenate([sign * np.eye(len(sets), dtype=np.int32)[[k] * len(spans.row)]
+                            for k, spans in enumerate(sets) for sign in (1, -1)])
+    order = np.lexsort((at, row))
+    row, at = row[order], at[order]
+    kept = keep(*(np.cumsum(steps[order], axis=0) > 0)[:-1].T) & (row[1:] == row[:-1]) & (at[1:] > at[:-1])
+    k = np.flatnonzero(kept)
+    fresh = np.ones(len(k), dtype=np.bool_)
+    fresh[1:] = (row[k[1:]] != row[k[:-1]]) | (at[k[1:]] != at[k[:-1] + 1])
+    first = np.flatnonzero(fresh)
+    last = np.append(first[1:], len(k))[:len(first)] - 1
+    return IntervalSet(row[k[first]], at[k[first]], at[k[last] + 1])
+
+
+def either(a: IntervalSet, b: IntervalSet) -> IntervalSet:
+    """What lies in one or the other."""
+    return combined(lambda in_a, in_b: in_a | in_b, a, b)
+
+
+def both(a: IntervalSet, b: IntervalSet) -> IntervalSet:
+    """What lies in one and the other."""
+    return combined(lambda in_a, in_b: in_a & in_b, a, b)
+
+
+def shown(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, own: HostVehicle | None = None,
+          low: float = -ENDLESS_MM, high: float = ENDLESS_MM) -> IntervalSet:
+    """The parts of the lines X = value (axis 0) or Y = value (axis 1) in the plane Z = height_mm that an eye sees in a mirror
+    and the own vehicle does not hide, between low and high.
+
+    Exact at both ends: a ray through the mirror's edge, or one that touches the vehicle, meets the line there. It does not hold
+    for a mirror that shows one point twice (`raytrace.visibility.orientation`).
+    values : (n,), rising.
+    """
+    if len(edge.places) == 0:
+        return IntervalSet(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0))
+    cuts = _cuts(edge, axis, values, height_mm)
+    first, last = np.maximum(cuts.low, low), np.minimum(cuts.high, high)
+    kept = first < last
+    cuts, first, last = cuts.take(kept), first[kept], last[kept]
+    if own is None or len(cuts.row) == 0:
+        return IntervalSet(cuts.row, first, last)
+    ends = np.empty((2, len(first), 2))
+    ends[:, :, axis], ends[:, :, 1 - axis] = values[cuts.row], (first, last)
+    open_to_all = beside(edge, own, ends)
+    hidden = np.flatnonzero(~open_to_all)
+    rest = _unhidden(edge.view, axis, values, height_mm, own, cuts.take(hidden), first[hidden], last[hidden])
+    return either(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), rest)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cuts:
+    """Parts of lines between two crossings of the edge: their line, ends, and the places (m, 2) that show these."""
+
+    row: Index
+    low: Array
+    high: Array
+    at_low: Array
+    at_high: Array
+
+    def take(self, which: Mask | Index) -> _Cuts:
+        return _Cuts(self.row[which], self.low[which], self.high[which], self.at_low[which], self.at_high[which])
+
+
+def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
+    """Where rays through the edge meet the lines, two by two.
+
+    A ray from q along d meets the plane at q + d·(q_z − h)/D with D = −d_z, so at N/D on the axis with
+    N = D·q_axis + (q_z − h)·d_axis. The angle of (N − r·D, D) runs on through the horizon, where D is 0, and equals that of
+    (value − r, 1) where the ray meets the line; r is any number.
+    """
+    near = float(np.median(edge.points[:, axis]))
+
+    def over(points: Array, directions: Array, value: Array | float) -> Array:
+        result: Array = (value - points[:, axis]) * directions[:, 2] - (height_mm - points[:, 2]) * directions[:, axis]
+        return result
+
+    angle = np.arctan2(-edge.directions[:, 2], over(edge.points, edge.directions, near))
+    wanted = np.arctan2(1.0, values - near)[::-1]  # rising
+    after = angle[edge.following]
+    short = np.abs(after - angle) < WRAP
+    first, stop = (np.searchsorted(wanted, ends(angle, after), "left") for ends in (np.minimum, np.maximum))
+    count = np.where(short, stop - first, 0)
+    k = np.repeat(np.arange(len(angle)), count)
+    row = len(values) - 1 - (first[k] + np.arange(len(k)) - np.repeat(np.cumsum(count) - count, count))
+    value = values[row]
+    places, sight = edge.settle(k, over(edge.points[k], edge.directions[k], value),
+                                over(edge.points[edge.following[k]], edge.directions[edge.following[k]], value),
+                                lambda points, directions: over(points, directions, value))
+    across = 1 - axis
+    other = sight.points[:, across] + (height_mm - sight.points[:, 2]) / sight.directions[:, 2] * sight.directions[:, across]
+    row, other, places = _ended(edge, axis, values, height_mm, row, other, places)
+    order = np.lexsort((other, row))
+    low, high = order[::2], order[1::2]
+    return _Cuts(row[low], other[low], other[high], places[low], places[high])
+
+
+def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, other: Array, places: Array,
+           ) -> tuple[Index, Array, Array]:
+    """The crossings, with an end at ENDLESS_MM for lines that the mirror shows without one."""
+    odd = np.bincount(row, minlength=len(values)) % 2 == 1
+    # Both ends of a line are shown only by what shows more than half of the world.
+    asked = np.arange(len(values)) if edge.shows_more_than_half(edge.middle()) else np.flatnonzero(odd)
+    if asked.size == 0:
+        return row, other, places
+    ends = np.empty((2, len(asked), 3))
+    ends[:, :, axis], ends[:, :, 2] = values[asked], height_mm
+    ends[:, :, 1 - axis] = np.array([[-ENDLESS_MM], [ENDLESS_MM]])
+    found, seen = edge.find(ends.reshape(-1, 3))
+    # Of a line with one crossing one end is shown, else none or both; where that is not to be told, the line is left out.
+    seen_at = seen.reshape(2, -1)
+    told = (seen_at[0] != seen_at[1]) == odd[asked]
+    kept = ~np.isin(row, asked[~told])
+    end = np.flatnonzero(seen & np.tile(told, 2))
+    return (np.concatenate([row[kept], np.tile(asked, 2)[end]]),
+            np.concatenate([other[kept], ends[:, :, 1 - axis].ravel()[end]]), np.concatenate([places[kept], found[end]]))
+
+
+def beside(edge: Edge, own: HostVehicle, ends: Array) -> Mask:
+    """Which straight lines (m,), of two ends each, (2, m, 2) in plan, lie with all of the mirror on the outer side of a plane
+    that bounds the vehicle: it hides nothing of them."""
+    mirror = edge.points[:, :2]
+    found = np.zeros(ends.shape[1], dtype=np.bool_)
+    for c, (least, most) in enumerate(((own.front_mm, own.rear_mm), (-own.half_width_mm, own.half_width_mm))):
+        found |= (ends[:, :, c] <= least).all(axis=0) & bool((mirror[:, c] <= least).all())
+        found |= (ends[:, :, c] >= most).all(axis=0) & bool((mirror[:, c] >= most).all())
+    return found
+
+
+def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, own: HostVehicle, cuts: _Cuts, first: Array, last: Array,
+              ) -> IntervalSet:
+    """The parts of `cuts` between first and last (m,) that the vehicle does not hide."""
+    m = len(cuts.row)
+    value = values[cuts.row]
+    # Places on a line are reckoned by the angle at which the mirror sees them: so are they spread over the picture.
+    middle = view.pose.to_vehicle(np.zeros(3))
+    away = np.hypot(value - middle[axis], height_mm - middle[2])
+    low, high, begin, end = (np.arctan2(at - middle[1 - axis], away) for at in (cuts.low, cuts.high, first, last))
+
+    def hides(angle: Array, which: Index, starts: Array) -> tuple[Array, Array, Array]:
+        """Where lines are at such an angle, by how much they are hidden there, and the places that show it."""
+        target = np.empty((len(which), 3))
+        target[:, axis], target[:, 2] = value[which], height_mm
+        target[:, 1 - axis] = middle[1 - axis] + away[which] * np.tan(angle)
+        places, points = brought(view, starts, target)
+        return target[:, 1 - axis], hidden_by(own, points, target), places
+
+    share = np.linspace(0.0, 1.0, GRID_SHAPE)
+    angles = begin[:, None] + (end - begin)[:, None] * share
+    way = np.clip((angles - low[:, None]) / (high - low)[:, None], INSIDE, 1.0 - INSIDE)[:, :, None]
+    starts = cuts.at_low[:, None] + way * (cuts.at_high - cuts.at_low)[:, None]
+    found = hides(angles.ravel(), np.repeat(np.arange(m), GRID_SHAPE), starts.reshape(-1, 2))
+    at, by, places = (values.reshape(m, GRID_SHAPE, *values.shape[1:]) for values in found)
+    at[:, 0], at[:, -1] = first, last
+    hidden = by > 0.0
+    i, j = np.nonzero(hidden[:, :-1] != hidden[:, 1:])
+    begin_at, step, way = angles[i, j], angles[i, j + 1] - angles[i, j], places[i, j + 1] - places[i, j]
+
+    def between(t: Array) -> tuple[Array, Array, Array]:
+        return hides(begin_at + t * step, i, places[i, j] + t[:, None] * way)
+
+    turn = between(roots(lambda t: between(t)[1], by[i, j], by[i, j + 1]))[0]
+    starts, stops = at[:, :-1].copy(), at[:, 1:].copy()
+    starts[i, j] = np.where(hidden[i, j], turn, starts[i, j])
+    stops[i, j] = np.where(hidden[i, j], stops[i, j], turn)
+    i, j = np.nonzero(~(hidden[:, :-1] & hidden[:, 1:]) & (stops > starts))
+    return combined(lambda seen: seen, IntervalSet(cuts.row[i], starts[i, j], stops[i, j]))
+
+
+def outlines(spans: IntervalSet, values: Array) -> tuple[Polygon, ...]:
+    """Closed polygons (n, 2) of (value, place on the line) round what lies in intervals on neighbouring lines.
+
+    values (n,) : the lines', rising. Every vertex is an interval's end; where one interval becomes two or two become one, so
+    does the polygon.
+    """
+    first = np.searchsorted(spans.row, np.arange(len(values) + 1))
+    done: list[tuple[list[tuple[float, float]], list[tuple[float, float]]]] = []
+    growing: dict[int, int] = {}  # interval -> polygon
+    for row in range(len(values)):
+        here = range(first[row], first[row + 1])
+        overlaps = {k: [j for j in growing if spans.low[j] < spans.high[k] and spans.high[j] > spans.low[k]] for k in here}
+        followers = {j: [k for k in here if j in overlaps[k]] for j in growing}
+        next_growing = {}
+        for k in here:
+            before = overlaps[k]
+            if len(before) == 1 and len(followers[before[0]]) == 1:
+                polygon = growing[before[0]]
+            else:
+                done.append(([], []))
+                polygon = len(done) - 1
+                if len(before) == 1:  # one of several that one becomes: from its share of that one's end
+                    low, high = _share(spans, followers[before[0]], k, before[0])
+                    _grow(done[polygon], float(values[row - 1]), low, high)
+            for j in before if len(before) > 1 else []:  # several that become one: each to its share of that one's start
+                low, high = _share(spans, before, j, k)
+                _grow(done[growing[j]], float(values[row]), low, high)
+            _grow(done[polygon], float(values[row]), float(spans.low[k]), float(spans.high[k]))
+            next_growing[k] = polygon
+        growing = next_growing
+    return tuple(np.array(low + high[::-1]) for low, high in done if len(low) > 1)
+
+
+def _share(spans: IntervalSet, parts: list[int], part: int, whole: int) -> tuple[float, float]:
+    """What one of several parts gets of an interval that they fill: from and to the middle between it and its neighbours."""
+    parts = sorted(parts, key=lambda k: float(spans.low[k]))
+    k = parts.index(part)
+    low = spans.low[whole] if k == 0 else 0.5 * (spans.high[parts[k - 1]] + spans.low[part])
+    high = spans.high[whole] if k == len(parts) - 1 else 0.5 * (spans.high[part] + spans.low[parts[k + 1]])
+    return float(low), float(high)
+
+
+def _grow(polygon: tuple[list[tuple[float, float]], list[tuple[float, float]]], value: float, low: float, high: float) -> None:
+    polygon[0].append((value, low))
+    polygon[1].append((value, high))
+
+
+def hidden_by(own: HostVehicle, starts: Array, ends: Array) -> Array:
+    """By how much the vehicle stands between starts and ends (n, 3): above 0 where `HostVehicle.hides` says so, continuous and,
+    in the ends, piecewise linear. NaN for rows that are not numbers.
+
+    With a way from q to T: e_k = (T_k − q_k)/(near_k − q_k) is 1 over the share of the way at which it gets between the two
+    planes that bound the box on axis k, where it starts outside of them, and l_k the same for where it leaves them again.
+    It is hidden where the least e_k is above 1, so that it gets inside at all, and above all l_k, so that it does before it
+    is out again.
+    """
+    low = np.array([own.front_mm, -own.half_width_mm, 0.0])
+    high = np.array([own.rear_mm, own.half_width_mm, own.height_mm])
+    outside = (starts < low) | (starts > high)
+    way = ends - starts
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at_low, at_high = way / (low - starts), way / (high - starts)
+        enters = np.where(outside, np.where(starts < low, at_low, at_high), np.inf).min(axis=1)
+        leaves = np.where(outside, np.where(starts < low, at_high, at_low), np.fmax(at_low, at_high)).max(axis=1)
+    return np.minimum(enters, ENDLESS_MM) - np.maximum(leaves, 1.0 + TOUCHING)
+
+
+def brought(view: View, places: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:
+    """Places (n, 2) moved to where the mirror shows targets (n, 3), points of the world or directions of infinitely far ones,
+    by Newton, and where their rays leave it (n, 3).
+
+    For starts near by, from one side of the mirror to the other; NaN where the mirror shows nothing near them. Else
+    `View.find` is what finds them. A mirror that shows nothing beyond its edge is followed as far as it goes.
+    """
+    n = len(places)
+    places = places.copy()
+    inwards = np.where(places > np.array(view.box).reshape(2, 2).mean(axis=1), -STEP_MM, STEP_MM)
+    shifts = np.stack([np.zeros_like(places), inwards * [1.0, 0.0], inwards * [0.0, 1.0]])
+    wanted = np.tile(targets, (3, 1))
+    best, found, points = np.full(n, np.inf), np.full((n, 2), np.nan), np.full((n, 3), np.nan)
+    for _ in range(MAX_STEPS):
+        sight = view.trace((places + shifts).reshape(-1, 2))
+        way, d = wanted if at_infinity else wanted - sight.points, sight.directions
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # By what angles the rays pass the targets, about: in plan, and above.
+            off = np.stack([way[:, 0] * d[:, 1] - way[:, 1] * d[:, 0],
+                            d[:, 2] * np.hypot(way[:, 0], way[:, 1]) - way[:, 2] * np.hypot(d[:, 0], d[:, 1])])
+            off /= np.sqrt(np.einsum("ij,ij->i", way, way))
+            now, by_x, by_y = off[:, :n], off[:, n:2 * n], off[:, 2 * n:]
+            by_x, by_y = (by_x - now) / inwards[:, 0], (by_y - now) / inwards[:, 1]
+            move = np.stack([now[1] * by_y[0] - now[0] * by_y[1], now[0] * by_x[1] - now[1] * by_x[0]], axis=1)
+            move /= (by_x[0] * by_y[1] - by_y[0] * by_x[1])[:, None]
+        passes = np.abs(now).max(axis=0)
+        better = passes < best  # not where it is NaN: there the mirror ends, and the place before is the last
+        best = np.where(better, passes, best)
+        found, points = np.where(better[:, None], places, found), np.where(better[:, None], sight.points[:n], points)
+        if not (best[better] > SETTLED).any():
+            break
+        places += move
+    solved = (best < SOLVED)[:, None]
+    return np.where(solved, found, np.nan), np.where(solved, points, np.nan)
