@@ -87,9 +87,10 @@ class SurfaceInteraction(NamedTuple):
 
     @staticmethod
     def empty(n: int) -> SurfaceInteraction:
-        return SurfaceInteraction(np.empty(n, dtype=np.int32), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n),
-                      np.empty(n), np.empty((n, 2)), np.empty(n), np.empty(n, dtype=np.int32), np.empty((n, 2)), np.empty(n),
-                      np.empty((n, 2)), np.ones(n), np.empty(n))
+        return SurfaceInteraction(
+            np.empty(n, dtype=np.int32), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n),
+            np.empty((n, 2)), np.empty(n), np.empty(n, dtype=np.int32), np.empty((n, 2)), np.empty(n), np.empty((n, 2)),
+            np.ones(n), np.empty(n))
 
     def rows(self, part: slice) -> SurfaceInteraction:
         return SurfaceInteraction(*(values[part] for values in self))  # type: ignore[arg-type]
@@ -127,8 +128,8 @@ def places(origins: Array, directions: Array, spread: Array, radius: Array, dist
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _ground_place(n: int, o: Array, d: Array, t: float, spread: float, radius: float, sun: Array, lift: float, out: SurfaceInteraction,
-                  k: int) -> None:
+def _ground_place(n: int, o: Array, d: Array, t: float, spread: float, radius: float, sun: Array, lift: float,
+                  out: SurfaceInteraction, k: int) -> None:
     out.ray[k], out.distance[k], out.radius[k] = n, t, radius + spread * t
     out.point[k, 0], out.point[k, 1], out.point[k, 2] = o[0] + t * d[0], o[1] + t * d[1], 0.0
     out.normal[k, 0], out.normal[k, 1], out.normal[k, 2] = 0.0, 0.0, 1.0

@@ -95,7 +95,8 @@ class Edge:
         k = np.flatnonzero((now > 0.0) != (now[self.following] > 0.0))
         return k, *self.settle(k, now[k], now[self.following[k]], value)
 
-    def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array]) -> tuple[Array, TracedRays]:
+    def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array],
+               ) -> tuple[Array, TracedRays]:
         """Where functions (m,) of rays that have opposite signs at the vertices k (m,) and at the next vanish between."""
         def at(t: Array) -> Array:
             _, sight = self.between(k, t)
