@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from raytrace.errors import SceneError, TraceError
-    from raytrace.reflector import Reflector, load_reflector
-    from raytrace.trace import Status, Trace, reflect
+    from raytrace.load import load_reflector
+    from raytrace.rays import Status, Trace
+    from raytrace.reflector import Reflector
+from raytrace.trace import reflect
 
 _HOME = {
-    "SceneError": "errors", "TraceError": "errors", "Status": "trace", "Trace": "trace", "reflect": "trace",
-    "Reflector": "reflector", "load_reflector": "reflector",
+    "SceneError": "errors", "TraceError": "errors", "Status": "rays", "Trace": "rays", "reflect": "trace",
+    "Reflector": "reflector", "load_reflector": "load",
 }
 __all__ = ["Reflector", "SceneError", "Status", "Trace", "TraceError", "load_reflector", "reflect"]
 

@@ -14,9 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.parallel import parallel_for
+from raytrace.rays import Status, Trace
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, landed
-from raytrace.trace import Status, Trace, reflect
+from raytrace.trace import reflect
 from raytrace.viewing.camera import Camera, Frame
 
 Array = NDArray[np.float64]

@@ -11,8 +11,10 @@ import pytest
 from hypothesis import settings
 
 import mirror_cad
+import raytrace
 from mirror_cad.mirror import Mirror
 from mirror_cad.spec_file import validate_spec
+from raytrace.surfaces.base import OpticalSurface
 
 # The machine is shared: a slow example is no failure.
 settings.register_profile("shared", deadline=None, print_blob=True)
@@ -25,6 +27,11 @@ PAPER_MIRRORS = ("sphere-1250", "sphere-1050", "sphere-950", "progressive-a", "p
 def designed(name: str) -> Mirror:
     """A preset, designed once for all tests."""
     return mirror_cad.design(mirror_cad.load_spec(name))
+
+
+def face_of(mirror: Mirror) -> OpticalSurface:
+    """The mirror's reflecting face, inside its outline, without glass before it."""
+    return raytrace.Reflector.from_mirror(mirror).uncoated.surface
 
 
 def spec_of(horizontal: dict[str, Any], vertical: dict[str, Any], **sections: Any) -> mirror_cad.MirrorSpec:

@@ -77,7 +77,7 @@ def test_the_size_over_that_in_a_flat_mirror_is_the_magnification_at_that_distan
     small = Face(20.0, 1500.0, -3500.0)
     (size,) = angular_sizes(view, replace(small, height_mm=1500.0), (20_000.0,))
     places, _ = view.find(np.array([[20_000.0, -3500.0, 750.0]]))
-    start = view.trace(places).points[0]
+    start = view.trace_places(places).points[0]
     found = ray_differentials(view, places).at(float(np.linalg.norm([20_000.0, -3500.0, 750.0] - start)))
     assert size.mirror is not None
     assert size.flat is not None
@@ -132,7 +132,7 @@ def test_nodes_are_seen_where_the_view_finds_them_and_their_lines_are_rows_and_c
     found = grid_distortion(view)
     assert np.diff(found.azimuth_deg) == pytest.approx(1.0)
     assert np.diff(found.elevation_deg) == pytest.approx(1.0)
-    sight = view.trace(found.places[found.shown])
+    sight = view.trace_places(found.places[found.shown])
     assert sight.seen.all()
     azimuth, elevation = np.meshgrid(found.azimuth_deg, found.elevation_deg)
     ways = sight.directions
@@ -175,7 +175,7 @@ def test_a_sphere_distorts_less_the_smaller_it_is_and_the_right_hand_mirror_as_m
 def _cap(half_mm: float) -> Reflector:
     whole = quadric("sphere", RADIUS)
     share = half_mm / 115.0
-    return replace(whole, surfaces=(replace(whole.surfaces[0], loops=(share * whole.surfaces[0].loops[0],)),))
+    return replace(whole, surface=replace(whole.surface, loops=(share * whole.surface.loops[0],)))
 
 
 def test_what_is_too_small_or_wide_for_a_grid_is_not_measured() -> None:

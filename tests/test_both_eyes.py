@@ -13,11 +13,14 @@ from scipy.optimize import brentq
 import mirror_cad
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
+from raytrace.load import load_reflector
 from raytrace.measures.disparity import disparity
 from raytrace.measures.eye_fields import EyeField, extent, eye_fields
-from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
-from raytrace.measures.magnification import frame, places_over, ray_differentials
-from raytrace.reflector import Glass, Reflector, TrimmedSurface, load_reflector
+from raytrace.measures.field_of_view import traced_fields_of_view
+from raytrace.measures.magnification import frame, ray_differentials
+from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.plate import Plate
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
@@ -79,7 +82,7 @@ def test_the_disparity_of_a_sphere_is_that_of_its_closed_form_at_each_eyes_own_p
     views = EyeViews.of(quadric("sphere", RADIUS), UPRIGHT, LEVEL)
     found = disparity(views, columns=15, rows=3)  # the middle row is at the eyes' height
     left, right = LevelSphere(UPRIGHT, LEVEL.left), LevelSphere(UPRIGHT, LEVEL.right)
-    sight = views.middle.trace(found.places[1])
+    sight = views.middle.trace_places(found.places[1])
     assert np.abs(sight.directions[:, 2]).max() < 1e-9
     compared = 0
     for percent, way in zip(found.percent[1], sight.directions, strict=True):
@@ -139,7 +142,7 @@ def test_two_eyes_see_a_direction_at_places_as_far_apart_as_they_are_times_the_m
     apart = 0.1
     views = EyeViews.of(spline("progressive-c"), POSE, Eyes(EYE, apart))
     places = np.array([[-70.0, 20.0], [-20.0, -60.0], [80.0, 90.0]])
-    way = views.middle.trace(places).directions
+    way = views.middle.trace_places(places).directions
     left, right = (view.towards(view.find(way, at_infinity=True)[0]) for view in (views.left, views.right))
     found = ray_differentials(views.middle, places)
     # The place moves by a·J⁻¹·S·b/a, a·S being the shift of the ray, and the eye itself by b: the direction, by 1/a of both.
@@ -152,10 +155,10 @@ def test_two_eyes_see_a_direction_at_places_as_far_apart_as_they_are_times_the_m
 
 def test_the_disparity_of_a_mesh_is_that_of_its_sphere_but_for_its_facets() -> None:
     vertices, faces, _ = cap(60)
-    mesh = disparity(EyeViews.of(Reflector(mesh=SurfaceMesh(vertices, faces), normals="facets"), POSE, EYES), columns=9, rows=5)
+    mesh = disparity(EyeViews.of(Reflector.of_mesh(SurfaceMesh(vertices, faces), "facets"), POSE, EYES), columns=9, rows=5)
     sphere = EyeViews.of(quadric("sphere", RADIUS), POSE, EYES)
-    places = places_over(sphere.middle, *(axis.ravel() for axis in np.meshgrid(mesh.x, mesh.y)))
-    inside = sphere.middle.trace(places).seen.reshape(5, 9)
+    places = sphere.middle.places_over(*(axis.ravel() for axis in np.meshgrid(mesh.x, mesh.y)))
+    inside = sphere.middle.trace_places(places).seen.reshape(5, 9)
     assert inside.sum() > 20
     percent = disparity(EyeViews.of(spline("sphere-950"), POSE, EYES), columns=9, rows=5).percent
     assert np.nanmean(mesh.percent[inside]) == pytest.approx(np.nanmean(percent), abs=0.3)
@@ -210,7 +213,7 @@ def test_the_flank_ends_the_view_where_a_level_ray_passes_the_rear_edge() -> Non
         way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         places, shown = view.find(way[None], at_infinity=True)
         assert shown[0]
-        start = view.trace(places).points[0, :2]
+        start = view.trace_places(places).points[0, :2]
         passes = way[0] * (edge - start)[1] - way[1] * (edge - start)[0]
         assert abs(passes) < 1e-5  # mm at the edge, 4 m away: 1e-9 rad
 
@@ -247,8 +250,8 @@ def test_the_field_between_the_edges_is_the_contracts_for_the_mirror_of_the_pape
         at = eye_position(762.0, "right", mirror.box)
         views = EyeViews.of(Reflector.from_mirror(mirror), straight, Eyes(straight.to_vehicle(at)))
         loops = (np.zeros((1, 2)),)
-        sheet = mirror.surface if mirror is not glass else GlassSheets.of(
-            TrimmedSurface(mirror.plate.front, loops), TrimmedSurface(mirror.surface, loops), mirror.spec.glass.index)
+        face = BSplineFace(mirror.surface, loops)
+        sheet = face if mirror is not glass else Plate(BSplineFace(mirror.plate.front, loops), face, mirror.spec.glass.index)
         expected = np.degrees(traced_fields_of_view(sheet, at, mirror.box, mirror.left_height_mm)[0])
         assert eye_fields(views).between_edges_deg[1] == pytest.approx(expected, abs=1e-8)
 
@@ -282,7 +285,7 @@ def test_two_mirrors_with_a_gap_show_two_intervals_of_the_horizon() -> None:
     for k, (left, right) in enumerate(((-115.0, -20.0), (10.0, 115.0))):
         corners += [[left, -150.0, 0.0], [right, -150.0, 0.0], [right, 150.0, 0.0], [left, 150.0, 0.0]]
         faces += [[4 * k, 4 * k + 1, 4 * k + 2], [4 * k, 4 * k + 2, 4 * k + 3]]
-    reflector = Reflector(mesh=SurfaceMesh(np.array(corners), np.array(faces, dtype=np.int32)))
+    reflector = Reflector.of_mesh(SurfaceMesh(np.array(corners), np.array(faces, dtype=np.int32)))
     found = eye_fields(EyeViews.of(reflector, UPRIGHT, LEVEL))
     edges = UPRIGHT.to_vehicle(np.array([[x, 0.0, 0.0] for x in (-115.0, -20.0, 10.0, 115.0)]))
     normal = UPRIGHT.directions_to_vehicle(np.array([0.0, 0.0, 1.0]))
@@ -295,18 +298,18 @@ def test_two_mirrors_with_a_gap_show_two_intervals_of_the_horizon() -> None:
 def test_a_mesh_and_glass_show_nearly_the_same_field_as_the_sphere_itself() -> None:
     bare = spline("sphere-950")
     plate = sheets(RADIUS)
-    loop = bare.surfaces[0].loops
-    thick = Reflector((replace(plate.back, loops=loop),), glass=Glass(replace(plate.front, loops=loop), plate.index))
+    loop = bare.surface.loops
+    thick = Reflector(Plate(replace(plate.front, loops=loop), replace(plate.back, loops=loop), plate.index))
     vertices, faces, _ = cap(60)
     field = eye_fields(EyeViews.of(thick, POSE, EYES), OWN)
     alone = eye_fields(EyeViews.of(bare, POSE, EYES), OWN)
     # Black sides take 0.1 to 0.2° (docs/derivations/second-surface.md); sphere-950 is the sphere but for 0.07 mm.
     assert 0.05 < extent(alone.horizon.left) - extent(field.horizon.left) < 0.4
     assert field.horizon_clear.left[0][1] == pytest.approx(alone.horizon_clear.left[0][1], abs=0.02)
-    mesh = Reflector(mesh=SurfaceMesh(vertices, faces), normals="interpolated")
+    mesh = Reflector.of_mesh(SurfaceMesh(vertices, faces), "interpolated")
     box = quadric("sphere", RADIUS)
-    wide = replace(box, surfaces=(replace(box.surfaces[0], loops=(np.array(  # the mesh's own outline, in its parameters
-        [[np.arctan2(x, np.sqrt(RADIUS**2 - x**2 - y**2)), np.arcsin(y / RADIUS)] for x, y in _rim(125.0, 190.0)]),)),))
+    wide = replace(box, surface=replace(box.surface, loops=(np.array(  # the mesh's own outline, in its parameters
+        [[np.arctan2(x, np.sqrt(RADIUS**2 - x**2 - y**2)), np.arcsin(y / RADIUS)] for x, y in _rim(125.0, 190.0)]),)))
     by_mesh, by_sphere = (eye_fields(EyeViews.of(r, POSE, EYES), OWN) for r in (mesh, wide))
     for one, other in ((by_mesh.horizon, by_sphere.horizon), (by_mesh.horizon_clear, by_sphere.horizon_clear)):
         assert np.array(one.left) == pytest.approx(np.array(other.left), abs=2e-3)

@@ -29,9 +29,8 @@ from mirror_cad.spec_laws import HorizontalPower, HorizontalZones
 from mirror_cad.surfaces.differential import rms_norm
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.measures.field_of_view import reflected_at, reflected_on_grid
 from raytrace.measures.lane import lane_heights
-from tests.conftest import designed
+from tests.conftest import designed, face_of
 
 SPAN = Span(-115.0, 115.0)
 
@@ -141,19 +140,21 @@ def test_lane_heights_are_roots_one_by_one() -> None:
     setting = ViewingSetup.of(mirror.spec, mirror.box)
     x = np.array([115.0, 40.0, -115.0])
     y_min, y_max = mirror.surface.domain[2:]
-    found = lane_heights(mirror.surface, setting.eye, setting.lane, x, y_min, y_max)
+    face = face_of(mirror)
+    found = lane_heights(face, setting.eye, setting.lane, x, y_min, y_max)
     for at, height in zip(x, found, strict=True):
-        alone = brentq(lambda y, at=at: float(setting.lane.above(*reflected_at(
-            mirror.surface, setting.eye, np.array([at]), np.array([y])))[0]), height - 3.0, height + 3.0, xtol=1e-11)
+        alone = brentq(lambda y, at=at: float(setting.lane.above(*face.reflected_at(
+            setting.eye, np.array([at]), np.array([y])))[0]), height - 3.0, height + 3.0, xtol=1e-11)
         assert height == pytest.approx(alone, abs=1e-9)
-    far = lane_heights(mirror.surface, setting.eye, type(setting.lane)(0.0, 1e7, 0.0, setting.plane_z_mm), x, y_min, y_max)
+    far = lane_heights(face, setting.eye, type(setting.lane)(0.0, 1e7, 0.0, setting.plane_z_mm), x, y_min, y_max)
     assert np.isnan(far).all()
 
 
 def test_reflection_on_a_grid_is_that_at_its_places() -> None:
     mirror = designed("progressive-c")
     eye, x, y = np.array([115.0, 0.0, 753.0]), np.array([100.0, -20.0]), np.array([-50.0, 3.0, 120.0])
-    points, directions = reflected_on_grid(mirror.surface, eye, x, y)
-    one, other = reflected_at(mirror.surface, eye, np.repeat(x, 3), np.tile(y, 2))
+    face = face_of(mirror)
+    points, directions = face.reflected_on_grid(eye, x, y)
+    one, other = face.reflected_at(eye, np.repeat(x, 3), np.tile(y, 2))
     np.testing.assert_allclose(points, one, atol=1e-11)
     np.testing.assert_allclose(directions, other, atol=1e-14)

@@ -29,10 +29,9 @@ from mirror_studio.report.report_data import find, write_findings
 from mirror_studio.report.step_change import step_change
 from mirror_studio.report.uncertainty import uncertainty
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.measures.field_of_view import reflected_at
-from raytrace.measures.lane import lane_straightness
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.viewing.camera import Frame
-from tests.conftest import constant, designed, spec_of
+from tests.conftest import constant, designed, face_of, spec_of
 
 FACET = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
 # STEP holds coordinates to 13 digits or so, and the kernel evaluates poles it has read: some 1e-11 mm, and of curvature
@@ -236,10 +235,10 @@ def test_step_table_compares_what_was_written_with_what_was_read(progressive: tu
 def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
     mirror, _ = progressive
     setting = ViewingSetup.of(mirror.spec, mirror.box)
-    straightness = lane_straightness(mirror.surface, setting.eye, setting.lane, mirror.box)
+    straightness = lane_straightness_percent(face_of(mirror), setting.eye, setting.lane, mirror.box)
     image = lane_image(mirror.surface, setting.eye, setting.lane, mirror.box, straightness)
     assert image is not None
-    above = setting.lane.above(*reflected_at(mirror.surface, setting.eye, image.x, image.y))
+    above = setting.lane.above(*face_of(mirror).reflected_at(setting.eye, image.x, image.y))
     assert np.abs(above).max() < 1e-6  # mm on the plane 8.2 m behind, from roots to 1e-11 mm on the mirror
     curve, line = image.y[-1] - image.y[0], image.tangent[-1] - image.tangent[0]
     assert 100.0 * (abs(curve) - abs(line)) / abs(line) == pytest.approx(straightness, rel=1e-9)

@@ -23,11 +23,13 @@ from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.surfaces.collocation import collocate
 from mirror_cad.surfaces.offset import offset_surface
 from mirror_studio.cli import run
-from raytrace.measures.field_of_view import GlassSheets, angle_between, reflected_at, towards, traced_fields_of_view
+from raytrace.load import FRONT_FACE, OPTICAL_FACE
+from raytrace.measures.field_of_view import angle_between, traced_fields_of_view
 from raytrace.measures.ghost import ghost, reflectance
-from raytrace.reflector import FRONT_FACE, OPTICAL_FACE, TrimmedSurface
-from raytrace.surfaces.plate import refract, trace_through
-from raytrace.trace import Status, Trace, reflect
+from raytrace.rays import Status, Trace
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.plate import Plate, refract
+from raytrace.trace import reflect
 from raytrace.viewing.eye import eye_position
 from tests.conftest import constant, designed, spec_of
 from tests.test_plate import assert_closed_and_outward, plate_volume
@@ -46,7 +48,7 @@ def unit(vectors: Array) -> Array:
 
 
 @cache
-def cap(radius: float, offset: float = 0.0, half: tuple[float, float] = (150.0, 200.0)) -> TrimmedSurface:
+def cap(radius: float, offset: float = 0.0, half: tuple[float, float] = (150.0, 200.0)) -> BSplineFace:
     """The offset of a sphere that touches z = 0 from below, on the sphere's x and y, to rounding; radius inf: a plane."""
     degree, spans = 9, 28
     knots = [np.concatenate([[-h] * degree, np.linspace(-h, h, spans + 1), [h] * degree]) for h in half]
@@ -61,11 +63,16 @@ def cap(radius: float, offset: float = 0.0, half: tuple[float, float] = (150.0, 
         return np.stack([x, y, np.zeros_like(x)], axis=-1) + offset * normal + np.stack(
             [0.0 * x, 0.0 * x, np.sign(radius) * (np.sqrt(radius**2 - x**2 - y**2) - abs(radius))], axis=-1)
 
-    return TrimmedSurface(collocate(place, knots[0], knots[1], degree), (np.zeros((1, 2)),)).untrimmed()
+    return BSplineFace(collocate(place, knots[0], knots[1], degree), (np.zeros((1, 2)),)).untrimmed()
 
 
-def sheets(radius: float, index: float = INDEX, thickness_mm: float = T_MM) -> GlassSheets:
-    return GlassSheets(cap(radius, thickness_mm), cap(radius), index)
+def trace_through(front: BSplineFace, back: BSplineFace, index: float, origins: np.ndarray, directions: np.ndarray,
+                  out: Trace | None = None) -> Trace:
+    return reflect(raytrace.Reflector(Plate(front, back, index)), origins, directions, out)
+
+
+def sheets(radius: float, index: float = INDEX, thickness_mm: float = T_MM) -> Plate:
+    return Plate(cap(radius, thickness_mm), cap(radius), index)
 
 
 @cache
@@ -73,10 +80,10 @@ def back_mirror() -> Mirror:
     return mirror_cad.design(spec_of(ZONES, constant(1300.0), glass={"reflecting": "back"}))
 
 
-def faces_of(mirror: Mirror) -> tuple[TrimmedSurface, TrimmedSurface]:
+def faces_of(mirror: Mirror) -> tuple[BSplineFace, BSplineFace]:
     """Front and back of a designed plate, inside its outline."""
     loop = (mirror.outline.polyline(1e-5),)
-    return TrimmedSurface(mirror.plate.front, loop), TrimmedSurface(mirror.plate.back, loop)
+    return BSplineFace(mirror.plate.front, loop), BSplineFace(mirror.plate.back, loop)
 
 
 def grid_rays(n: int = 60) -> Array:
@@ -200,7 +207,7 @@ def test_the_way_back_is_the_way_there() -> None:
 def test_glass_of_index_1_is_no_glass() -> None:
     front, back = faces_of(back_mirror())
     rays = grid_rays()
-    bare = reflect(raytrace.Reflector((back,)), EYE, rays)
+    bare = reflect(raytrace.Reflector(back), EYE, rays)
     glass = trace_through(front, back, 1.0, EYE, rays)
     both = (bare.status == Status.REFLECTED) & (glass.status == Status.REFLECTED)
     assert both.sum() > 3000
@@ -243,7 +250,7 @@ def test_total_reflection_inside_blocks_the_ray() -> None:
     tilted = cap(np.inf).surface.poles.copy()
     tilted[..., 2] += np.tan(np.radians(22.0)) * tilted[..., 0]
     flat = cap(np.inf).surface
-    back = TrimmedSurface(type(flat)(flat.degree_u, flat.degree_v, flat.knots_u, flat.knots_v, tilted),
+    back = BSplineFace(type(flat)(flat.degree_u, flat.degree_v, flat.knots_u, flat.knots_v, tilted),
                           (np.zeros((1, 2)),)).untrimmed()
     eye = np.array([[0.0, 0.0, 500.0]])
     assert trace_through(front, back, 1.2, eye, np.array([[0.0, 0.0, -1.0]])).status.tolist() == [Status.REFLECTED]
@@ -305,11 +312,11 @@ def test_field_of_view_and_ghost_of_a_sphere_are_those_of_the_closed_form(radius
     wide, within, apart, last = seen_by_angles(radius, EYE[0], EYE[2])
     h, _ = traced_fields_of_view(glass, EYE, BOX, 270.0)
     assert h == pytest.approx(wide, abs=1e-11)
-    bare, _ = traced_fields_of_view(glass.back.surface, EYE, BOX, 270.0)
+    bare, _ = traced_fields_of_view(glass.back, EYE, BOX, 270.0)
     assert np.degrees(h - bare) == pytest.approx(SEEN[radius][0], abs=5e-5)
     assert np.degrees(within - bare) == pytest.approx(SEEN[radius][1], abs=5e-4)
     corners = np.array([[-115.0, -9.0], [115.0, -9.0], [115.0, 9.0], [-115.0, 9.0]])
-    faces = [TrimmedSurface(face.surface, (corners,)) for face in (glass.front, glass.back)]
+    faces = [BSplineFace(face.surface, (corners,)) for face in (glass.front, glass.back)]
     for share, status in ((1.0 - 1e-7, Status.REFLECTED), (1.0 + 1e-7, Status.BLOCKED)):
         trace = trace_through(*faces, INDEX, EYE, share * last + (1.0 - share) * last.mean(axis=0))
         assert trace.status.tolist() == [status, status]
@@ -330,21 +337,21 @@ def test_rays_that_enter_at_one_place_leave_the_back_wider_than_the_front_reflec
     x = np.array([-115.0, 115.0]) * (radius / (radius + T_MM))  # of the back; the front over it is at ±115
     places = cap(radius, T_MM).surface.evaluate(x, 0.0 * x)
     behind = trace_through(cap(radius, T_MM), cap(radius), INDEX, eye, places - eye).directions
-    before = reflect(raytrace.Reflector((cap(radius, T_MM),)), eye, places - eye).directions
+    before = reflect(raytrace.Reflector(cap(radius, T_MM)), eye, places - eye).directions
     assert np.degrees(angle_between(*behind) - angle_between(*before)) == pytest.approx(opened, abs=6e-4)
 
 
 def test_a_ray_aimed_through_the_glass_is_reflected_at_its_place() -> None:
     front, back = faces_of(back_mirror())
-    glass = GlassSheets.of(front, back, INDEX)
+    glass = Plate(front, back, INDEX).untrimmed()
     x, y = np.array([-115.0, 115.0, -115.0, -115.0, 3.0]), np.array([0.0, 0.0, -135.0, 135.0, -7.0])
-    trace = trace_through(glass.front, glass.back, INDEX, EYE, towards(glass, EYE, x, y))
+    trace = trace_through(glass.front, glass.back, INDEX, EYE, glass.eye_rays(EYE, x, y))
     assert set(trace.counts()) == {"reflected"}
     above = back.surface.evaluate(x, y) + [0.0, 0.0, 9.0]
-    bare = reflect(raytrace.Reflector((glass.back,)), above, np.tile([0.0, 0, -1], (5, 1)))
+    bare = reflect(raytrace.Reflector(glass.back), above, np.tile([0.0, 0, -1], (5, 1)))
     assert np.abs(trace.normals - bare.normals).max() < 1e-13
-    no_glass = GlassSheets(glass.front, glass.back, 1.0)
-    assert np.abs(reflected_at(no_glass, EYE, x, y)[1] - reflected_at(back.surface, EYE, x, y)[1]).max() < 1e-13
+    no_glass = Plate(glass.front, glass.back, 1.0)
+    assert np.abs(no_glass.reflected_at(EYE, x, y)[1] - back.untrimmed().reflected_at(EYE, x, y)[1]).max() < 1e-13
 
 
 def test_a_plate_of_plane_faces_has_no_ghost_and_one_whose_sheets_end_no_field_of_view() -> None:
@@ -353,7 +360,7 @@ def test_a_plate_of_plane_faces_has_no_ghost_and_one_whose_sheets_end_no_field_o
     assert seen.rays == 21
     assert seen.max_arcmin == pytest.approx(0.0, abs=1e-8)
     half = (115.0, 200.0)
-    short = GlassSheets(cap(400.0, T_MM, half), cap(400.0, 0.0, half), INDEX)
+    short = Plate(cap(400.0, T_MM, half), cap(400.0, 0.0, half), INDEX)
     h, v = traced_fields_of_view(short, EYE, BOX, 270.0)
     assert np.isnan(h)
     assert np.isnan(v)
@@ -400,8 +407,7 @@ def test_a_file_is_traced_through_its_front_as_the_design_is(tmp_path: Path) -> 
     mirror = back_mirror()
     mirror.export_step(tmp_path / "a.step")
     reflector = raytrace.load_reflector(tmp_path / "a.step")
-    assert reflector.glass is not None
-    assert reflector.glass.index == INDEX
+    assert reflector.plate.index == INDEX
     rays = grid_rays(30)
     read = reflect(reflector, EYE, rays)
     meant = trace_through(*faces_of(mirror), INDEX, EYE, rays)
@@ -410,7 +416,7 @@ def test_a_file_is_traced_through_its_front_as_the_design_is(tmp_path: Path) -> 
     denser = raytrace.load_reflector(tmp_path / "a.step", index=1.7)
     assert np.nanmax(np.abs(reflect(denser, EYE, rays).directions - read.directions)) > 1e-5
     designed("sphere-950").export_step(tmp_path / "front.step")
-    assert raytrace.load_reflector(tmp_path / "front.step").glass is None
+    assert isinstance(raytrace.load_reflector(tmp_path / "front.step").surface, BSplineFace)
 
 
 BACK = """[horizontal]

@@ -15,7 +15,9 @@ from raytrace.measures.blind_zone import NearLane, blind_along, blind_zone, hidd
 from raytrace.measures.ground import Plan, horizon_margin, nearest_at_flank, seen_ground, seen_widths
 from raytrace.measures.line_bow import line_bow
 from raytrace.measures.yaw_coverage import yaw_coverage
-from raytrace.reflector import Glass, Reflector, TrimmedSurface
+from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.plate import Plate
 from raytrace.viewing.aim import Aim
 from raytrace.viewing.pose import SIDEWAYS
 from raytrace.viewing.vehicle import Eyes, HostVehicle
@@ -46,7 +48,7 @@ def two_flat(pitch_deg: float = 3.0) -> tuple[View, View]:
 def is_seen(view: View, points: Array, own: HostVehicle | None) -> NDArray[np.bool_]:
     """Point by point, by the inverse ray."""
     places, inside = view.find(points)
-    return inside & ~own.hides(view.trace(places).points, points) if own is not None else inside
+    return inside & ~own.hides(view.trace_places(places).points, points) if own is not None else inside
 
 
 def on_ground(x: Array, y: Array, z: float = 0.0) -> Array:
@@ -322,10 +324,10 @@ def test_glass_of_index_1_and_a_sphere_of_a_file_show_their_ground() -> None:
     mirror = designed("progressive-c")
     wide = np.array([[-124.0, -180.0], [124.0, -180.0], [124.0, 180.0], [-124.0, 180.0]])
     shifted = replace(mirror.surface, poles=mirror.surface.poles + np.array([0.0, 0.0, 3.0]))
-    back = TrimmedSurface(mirror.surface, (mirror.outline.polyline(1e-5),))
+    back = BSplineFace(mirror.surface, (mirror.outline.polyline(1e-5),))
     pose = posed("progressive-c")[1]
     views = [[View(one, pose, eye) for eye in (EYES.left, EYES.right)]
-             for one in (Reflector((back,)), Reflector((back,), glass=Glass(TrimmedSurface(shifted, (wide,)), 1.0)))]
+             for one in (Reflector(back), Reflector(Plate(BSplineFace(shifted, (wide,)), back, 1.0)))]
     for a, b in zip(seen_widths(*views[0], OWN), seen_widths(*views[1], OWN), strict=True):
         assert b.either == pytest.approx(a.either, abs=NEAR_MM)
         assert b.both == pytest.approx(a.both, abs=NEAR_MM)
@@ -418,8 +420,8 @@ def test_newton_from_near_by_finds_what_find_finds() -> None:
     view = two("progressive-c")[0]
     points = on_ground(np.array([4000.0, 9000.0, 30_000.0]), np.array([-2000.0, -4000.0, -3000.0]))
     places, _ = view.find(points)
-    again, on = brought(view.whole, places + np.array([8.0, -6.0]), points)
+    again, on = brought(view.untrimmed, places + np.array([8.0, -6.0]), points)
     assert again == pytest.approx(places, abs=1e-6)
     way = points - on
-    sight = view.whole.trace(again)
+    sight = view.untrimmed.trace_places(again)
     assert np.cross(way / np.linalg.norm(way, axis=1, keepdims=True), sight.directions) == pytest.approx(0.0, abs=1e-11)

@@ -13,9 +13,9 @@ import raytrace
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace import parallel
 from raytrace.image import driver_view, photograph
+from raytrace.rays import Trace
 from raytrace.scene.reference import BACKGROUND, Picture, ReferencePlane, load_picture
-from raytrace.surfaces.patches import HeightField
-from raytrace.trace import Trace
+from raytrace.surfaces.polynomials import HeightField
 from raytrace.viewing.camera import Frame
 from tests.conftest import constant, designed, spec_of
 

@@ -222,7 +222,7 @@ def test_a_checker_in_a_plane_mirror_is_where_its_image_is() -> None:
     right, up = np.array([0.0, 1600.0, 0.0]), np.array([0.0, 0.0, 1600.0])
     wall = sheet(centre, -right, up, Material("wall", (1.0,) * 3, NONE, texture=picture))
     glass = np.array([[-500.0, -1300, 1000], [-500, -700, 1000], [-500, -700, 1400], [-500, -1300, 1400]])
-    mirror = raytrace.Reflector(mesh=SurfaceMesh(glass, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
+    mirror = raytrace.Reflector.of_mesh(SurfaceMesh(glass, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
     eye = np.array([0.0, -300.0, 1250.0])
     y, z = (g.ravel() for g in np.meshgrid(np.linspace(-1298.3, -701.7, 160), np.linspace(1001.3, 1398.7, 120)))
     directions = unit(np.stack([np.full_like(y, -500.0), y, z], axis=1) - eye)

@@ -13,9 +13,11 @@ import mirror_cad
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.differential import shape_operator
 from mirror_cad.surfaces.quadric import Quadric
-from raytrace.measures.magnification import MagnificationMap, frame, magnification_map, places_over, ray_differentials
-from raytrace.reflector import Glass, Reflector, load_reflector
-from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.load import load_reflector
+from raytrace.measures.magnification import MagnificationMap, frame, magnification_map, ray_differentials
+from raytrace.reflector import Reflector
+from raytrace.surfaces.plate import Plate
+from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import View
 from tests.conftest import constant, designed, spec_of
@@ -43,7 +45,7 @@ def quadric(kind: str, radius: float) -> Reflector:
     box = np.concatenate([np.stack(side, axis=1) for side in ((t, -one), (one, t), (-t, one), (-one, -t))]) * [u, v]
     axes = np.eye(3) if kind == "plane" else upright
     shape = Quadric(kind, np.array([0.0, 0.0, -radius]), axes, radius)  # type: ignore[arg-type]
-    return Reflector((TrimmedQuadric(shape, (box,)),))
+    return Reflector(QuadricFace(shape, (box,)))
 
 
 def spline(name: str) -> Reflector:
@@ -95,14 +97,14 @@ def test_an_upright_cylinder_changes_what_is_level_only() -> None:
 
 def flat_mesh() -> Reflector:
     corners = np.array([[-115.0, -170, 0], [115, -170, 0], [115, 170, 0], [-115, 170, 0]])
-    return Reflector(mesh=SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
+    return Reflector.of_mesh(SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
 
 
 @pytest.mark.parametrize("distance", [np.inf, 2000.0])
 def test_a_flat_mirror_shows_things_as_large_as_they_are(distance: float) -> None:
     designed_flat = Reflector.from_mirror(mirror_cad.design(spec_of(constant(np.inf), constant(np.inf))))
     plate = sheets(np.inf)
-    thick = Reflector((plate.back,), glass=Glass(plate.front, plate.index))
+    thick = Reflector(Plate(plate.front, plate.back, plate.index))
     # A mesh's differences span 12 mm or h = 0.015 rad, and to one side are off by h²/3, an area by twice that. A thick plate
     # turns no ray, but moves it: of 2.7 m it takes 2 mm and some more aslant, twice in an area.
     near = 1e-10 if np.isinf(distance) else 3e-3
@@ -119,7 +121,7 @@ def test_glass_over_a_sphere_magnifies_as_concentric_spheres_do() -> None:
     and sin ω/sin ψ across it, since all is alike about the line from the eye to the centre."""
     radius, distance = 950.0, 700.0
     plate = sheets(radius)
-    view = View(Reflector((plate.back,), glass=Glass(plate.front, plate.index)), STRAIGHT, np.array([distance, 0.0, 0.0]))
+    view = View(Reflector(Plate(plate.front, plate.back, plate.index)), STRAIGHT, np.array([distance, 0.0, 0.0]))
     front, to_centre = radius + T_MM, distance + radius
 
     def leaves(psi: float) -> float:
@@ -145,7 +147,7 @@ def by_the_shape_operator(view: View, x: Array, y: Array) -> tuple[Array, Array]
 
     S being the reflection of what is across the ray, T its projection along the ray onto the tangent plane.
     """
-    only = view.reflector.only
+    only = view.reflector.surface
     assert only is not None
     d = only.surface.derivatives(x, y)
     w = shape_operator(d)
@@ -175,11 +177,11 @@ def by_the_shape_operator(view: View, x: Array, y: Array) -> tuple[Array, Array]
 def test_differences_of_exact_rays_agree_with_the_shape_operator(name: str) -> None:
     view = View(spline(name), POSE, EYE)
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-112.0, 112.0, 45), np.linspace(-120.0, 120.0, 25)))
-    seen = view.trace(places_over(view, x, y)).seen  # not in the outline's corners
+    seen = view.trace_places(view.places_over(x, y)).seen  # not in the outline's corners
     assert seen.sum() > 1000
     x, y = x[seen], y[seen]
-    places = places_over(view, x, y)
-    assert np.abs(view.trace(places).on_mirror[:, :2] - np.stack([x, y], axis=1)).max() < 1e-9
+    places = view.places_over(x, y)
+    assert np.abs(view.trace_places(places).on_mirror[:, :2] - np.stack([x, y], axis=1)).max() < 1e-9
     found = ray_differentials(view, places)
     jacobian, shift = by_the_shape_operator(view, x, y)
     scale = np.linalg.norm(jacobian, axis=(1, 2))
@@ -191,7 +193,7 @@ def test_small_far_things_are_seen_as_large_as_the_magnification_says() -> None:
     """Two far points 1′ apart, found in the mirror by the inverse of the view: the angle between the places they are seen."""
     view = View(spline("progressive-c"), POSE, EYE)
     places = np.array([[-90.0, 40.0], [-30.0, -100.0], [60.0, 10.0], [90.0, 100.0]])
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     found = ray_differentials(view, places).at()
     half = 0.5 * np.radians(1.0 / 60.0)
     for across, expected in zip(frame(sight.directions), (found.horizontal, found.vertical), strict=True):
@@ -225,12 +227,12 @@ def test_moving_everything_along_and_turning_it_about_the_vertical_changes_nothi
 def test_a_mesh_of_a_sphere_comes_to_its_magnification_with_finer_facets() -> None:
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-105.0, 105.0, 9), np.linspace(-160.0, 160.0, 13)))
     sphere = View(quadric("sphere", 950.0), POSE, EYE)
-    places = places_over(sphere, x, y)
+    places = sphere.places_over(x, y)
     exact = ray_differentials(sphere, places).at()
     worst = []
     for cells in (30, 60, 120):
         vertices, faces, _ = cap(cells)
-        smooth = Reflector(mesh=SurfaceMesh(vertices, faces), normals="interpolated")
+        smooth = Reflector.of_mesh(SurfaceMesh(vertices, faces), "interpolated")
         view = View(smooth, POSE, EYE)
         found = ray_differentials(view, places).at()
         ratio = np.stack([found.horizontal / exact.horizontal, found.vertical / exact.vertical])
@@ -281,9 +283,9 @@ def test_up_to_the_edge_of_what_ends_there_the_derivatives_are_taken_to_the_inne
     """A quadric goes on nowhere beyond its outline."""
     view = View(quadric("sphere", 950.0), POSE, EYE)
     x_max = view.box[1]
-    places = places_over(view, np.array([x_max - 1e-6, x_max - 0.03, x_max - 0.1]), np.zeros(3))
-    sphere = view.reflector.surfaces[0]
-    wide = View(Reflector((replace(sphere, loops=(2.0 * sphere.loops[0],)),)), POSE, EYE)
+    places = view.places_over(np.array([x_max - 1e-6, x_max - 0.03, x_max - 0.1]), np.zeros(3))
+    sphere = view.reflector.surface
+    wide = View(Reflector(replace(sphere, loops=(2.0 * sphere.loops[0],))), POSE, EYE)
     found, expected = ray_differentials(view, places), ray_differentials(wide, places)
     assert found.seen.all()
     assert found.at().horizontal == pytest.approx(expected.at().horizontal, rel=1e-6)

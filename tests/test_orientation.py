@@ -20,7 +20,7 @@ from mirror_studio.scene_file import AimSection, SceneFile, load_scene
 from raytrace.measures.eye_fields import eye_fields
 from raytrace.measures.ground import seen_widths
 from raytrace.reflector import Reflector
-from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes
@@ -41,15 +41,15 @@ def dish(radius: float, half: float = 90.0) -> Reflector:
     low = 0.5 * np.pi - np.arcsin(half / radius)
     cap = np.array([[0.0, low], [2 * np.pi, low], [2 * np.pi, 0.5 * np.pi], [0.0, 0.5 * np.pi]])
     down = np.diag([1.0, -1.0, -1.0])
-    return Reflector((TrimmedQuadric(Quadric("sphere", np.array([0.0, 0.0, radius]), down, radius), (cap,), -1.0),))
+    return Reflector(QuadricFace(Quadric("sphere", np.array([0.0, 0.0, radius]), down, radius), (cap,), -1.0))
 
 
 def trough(radius: float) -> Reflector:
     """A concave cylinder, upright."""
-    bulge = quadric("cylinder", radius).surfaces[0]
-    assert isinstance(bulge, TrimmedQuadric)
+    bulge = quadric("cylinder", radius).surface
+    assert isinstance(bulge, QuadricFace)
     turned = replace(bulge.quadric, centre=-bulge.quadric.centre, axes=bulge.quadric.axes * [[-1.0], [1.0], [-1.0]])
-    return Reflector((replace(bulge, quadric=turned, sign=-1.0),))
+    return Reflector(replace(bulge, quadric=turned, sign=-1.0))
 
 
 @pytest.mark.parametrize("radius", [950.0, 4000.0])
@@ -82,7 +82,7 @@ def test_what_is_said_to_be_shown_twice_is_and_nothing_else() -> None:
     for radius, twice in ((1703.0, True), (1600.0, False), (800.0, False), (4000.0, False)):
         view = View(dish(radius), STRAIGHT, eye_at(np.radians(20.0), 0.3, 800.0))
         x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-90, 90, 200), np.linspace(-90, 90, 200)))
-        sight = view.trace(np.stack([x, y], axis=1))
+        sight = view.trace_places(np.stack([x, y], axis=1))
         ways, places = sight.directions[sight.seen], sight.on_mirror[sight.seen][:, :2]
         pairs = cKDTree(ways).query_pairs(1e-4, output_type="ndarray")
         apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
@@ -182,7 +182,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
     Not at its limb, along which it shows what lies ahead: there the inverse ray is not found.
     """
     loop = np.array([[0.0, -0.5 * np.pi], [2 * np.pi, -0.5 * np.pi], [2 * np.pi, 0.5 * np.pi], [0.0, 0.5 * np.pi]])
-    ball = Reflector((TrimmedQuadric(Quadric("sphere", np.array([0.0, 0.0, -150.0]), np.eye(3), 150.0), (loop,)),))
+    ball = Reflector(QuadricFace(Quadric("sphere", np.array([0.0, 0.0, -150.0]), np.eye(3), 150.0), (loop,)))
     pose = Pose(np.array([-540.0, -1010.0, 1760.0]), np.zeros(3), np.radians(10.0), 0.0)
     view = View(ball, pose, EYE)
     edge = edge_of(view)
@@ -199,7 +199,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
     assert high - low > 200.0
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-200.0, 200.0, 3000), np.linspace(-100.0, 150.0, 1000)))
     places = np.stack([x, y], axis=1)
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     level = _shows(view, places, sight) & (np.abs(sight.directions[:, 2]) < 2e-3)
     azimuth = np.degrees(np.arctan2(sight.directions[level, 1], sight.directions[level, 0]))
     assert low - 0.2 < azimuth.min() < low + 1.0  # the limb, along which little of the picture shows much

@@ -12,12 +12,12 @@ import raytrace
 from mirror_studio.build.paper import PAPER, table_1
 from raytrace.image import driver_view, landing_points
 from raytrace.measures.difference import reflected_difference
-from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
 from raytrace.viewing.camera import Frame, rays_through
 from raytrace.viewing.eye import eye_position
-from tests.conftest import constant, designed, spec_of
+from tests.conftest import constant, designed, face_of, spec_of
 
 
 def setting(mirror: mirror_cad.Mirror, picture: np.ndarray) -> tuple[np.ndarray, ReferencePlane]:
@@ -33,7 +33,7 @@ def test_lane_measured_in_the_picture_is_the_traced_one_within_a_point(name: str
     frame = Frame.around(mirror.box, 1280)
     view, _ = driver_view(reflector, eye, scene, frame)
     in_picture = lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)
-    traced = lane_straightness(mirror.surface, eye, StraightLane(0.0, 2400.0, 0.6, scene.z_mm), mirror.box)
+    traced = lane_straightness_percent(face_of(mirror), eye, StraightLane(0.0, 2400.0, 0.6, scene.z_mm), mirror.box)
     assert in_picture == pytest.approx(traced, abs=1.0)
 
 

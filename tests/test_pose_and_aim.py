@@ -10,8 +10,9 @@ import pytest
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
+from raytrace.surfaces.inset import AROUND
 from raytrace.viewing.aim import Aim, RearEdge, aimed, shown_aim
-from raytrace.viewing.bezel import AROUND, RIM_STEPS, housing, visible_aperture
+from raytrace.viewing.bezel import RIM_STEPS, housing, visible_aperture
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
@@ -32,7 +33,7 @@ def posed(yaw_deg: float = 0.0, pitch_deg: float = 0.0, **more: object) -> Pose:
 @pytest.fixture(scope="module")
 def plane() -> raytrace.Reflector:
     corners = np.array([[-115.0, -160, 0], [115, -160, 0], [115, 160, 0], [-115, 160, 0]])
-    return raytrace.Reflector(mesh=SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
+    return raytrace.Reflector.of_mesh(SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +83,7 @@ def test_what_a_ray_meets_is_found_again_where_the_ray_went(progressive: raytrac
     view = View(progressive, posed(15.0, 3.0, hand=hand), eye)
     x, y = np.meshgrid(np.linspace(-110, 110, 21), np.linspace(-140, 140, 21))
     places = np.stack([x.ravel(), y.ravel()], axis=1)
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     for at_infinity, targets in ((False, sight.points + 7000.0 * sight.directions), (True, sight.directions)):
         found, shown = view.find(targets[sight.seen], at_infinity)
         assert shown.all()
@@ -93,7 +94,7 @@ def test_the_right_hand_mirror_shows_the_reflected_world(progressive: raytrace.R
     left = View(progressive, posed(15.0, 3.0), EYE)
     right = View(progressive, posed(15.0, 3.0, hand="right"), EYE * SIDEWAYS)
     places = np.random.default_rng(5).uniform(-100.0, 100.0, (50, 2))
-    one, other = left.trace(places), right.trace(places)
+    one, other = left.trace_places(places), right.trace_places(places)
     assert np.allclose(one.points * SIDEWAYS, other.points, rtol=0, atol=1e-9)
     assert np.allclose(one.directions * SIDEWAYS, other.directions, rtol=0, atol=1e-12)
 
@@ -203,8 +204,8 @@ def test_the_housing_is_a_closed_shell_that_leaves_the_mirror_free(progressive: 
         outward = np.einsum("ij,ij->i", normal, middle - shell.vertices.mean(axis=0))
         assert (outward[2 * AROUND * RIM_STEPS:] > 0.0).all()
     seen = View(progressive, posed(15.0, 3.0), EYE)
-    with_housing = View(raytrace.Reflector(progressive.surfaces, obstacles=housing(progressive)), seen.pose, EYE)
+    with_housing = View(raytrace.Reflector(progressive.surface, obstacles=housing(progressive)), seen.pose, EYE)
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-90, 90, 30), np.linspace(-110, 110, 30)))
     places = np.stack([x, y], axis=1)
-    assert np.array_equal(seen.trace(places).seen, with_housing.trace(places).seen)
+    assert np.array_equal(seen.trace_places(places).seen, with_housing.trace_places(places).seen)
 

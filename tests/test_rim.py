@@ -13,7 +13,7 @@ import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.quadric import Quadric
 from raytrace.reflector import Reflector
-from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.bezel import edge_loop
 from raytrace.viewing.view import View, box_of
 from raytrace.visibility.edge import edge_of
@@ -24,17 +24,17 @@ Array = NDArray[np.float64]
 R = 150.0
 
 
-def whole_sphere(low: float = -0.5 * np.pi, start: float = 0.0) -> TrimmedQuadric:
+def whole_sphere(low: float = -0.5 * np.pi, start: float = 0.0) -> QuadricFace:
     """Of latitudes from `low` on, its seam at the longitude `start`."""
     loop = np.array([[start, low], [start + 2 * np.pi, low], [start + 2 * np.pi, 0.5 * np.pi], [start, 0.5 * np.pi]])
-    return TrimmedQuadric(Quadric("sphere", np.zeros(3), np.eye(3), R), (loop,))
+    return QuadricFace(Quadric("sphere", np.zeros(3), np.eye(3), R), (loop,))
 
 
 def test_a_whole_sphere_has_no_rim_and_its_box_is_that_of_the_sphere() -> None:
     ball = whole_sphere()
     assert ball.rim == ()
-    assert box_of(Reflector((ball,))) == pytest.approx((-R, R, -R, R), abs=1e-12)
-    assert np.abs(np.linalg.norm(edge_loop(Reflector((ball,)))[:, :2], axis=1) - R).max() < 1e-9
+    assert box_of(Reflector(ball)) == pytest.approx((-R, R, -R, R), abs=1e-12)
+    assert np.abs(np.linalg.norm(edge_loop(Reflector(ball))[:, :2], axis=1) - R).max() < 1e-9
 
 
 @pytest.mark.parametrize("start", [0.0, 1.0])
@@ -43,15 +43,15 @@ def test_a_cap_is_bounded_by_its_circle_and_not_by_its_seam(start: float) -> Non
     circle, = cap.rim
     assert np.abs(circle.points[:, 2] - R * np.sqrt(0.5)).max() < 1e-9
     assert circle.lengths.sum() == pytest.approx(2 * np.pi * R * np.sqrt(0.5), rel=1e-6)  # chords: (π/4096)²/6
-    assert np.array_equal(edge_loop(Reflector((cap,))), circle.points)
-    edge = edge_of(View(Reflector((cap,)), POSE, EYE))
+    assert np.array_equal(edge_loop(Reflector(cap)), circle.points)
+    edge = edge_of(View(Reflector(cap), POSE, EYE))
     assert edge.beyond
     assert len(edge.crossings(lambda points, directions: directions[:, 2])[0]) == 2
 
 
 def test_a_tube_is_bounded_by_its_two_circles() -> None:
     loop = np.array([[0.0, -20.0], [2 * np.pi, -20.0], [2 * np.pi, 20.0], [0.0, 20.0]])
-    tube = TrimmedQuadric(Quadric("cylinder", np.zeros(3), np.eye(3), R), (loop,))
+    tube = QuadricFace(Quadric("cylinder", np.zeros(3), np.eye(3), R), (loop,))
     assert sorted(float(curve.points[0, 2]) for curve in tube.rim) == [-20.0, 20.0]
     for curve in tube.rim:
         assert np.ptp(curve.points[:, 2]) == 0.0
@@ -74,12 +74,12 @@ def test_rims_of_another_program_s_faces_are_closed_in_space(tmp_path: Path) -> 
         path = tmp_path / f"{name}.step"
         write_step(path, [Part(shape.wrapped, name)], name)
         reflector = raytrace.load_reflector(path)
-        rims[name] = [face.rim for face in reflector.surfaces]
-        for face in reflector.surfaces:
+        rims[name] = [face.rim for face in reflector.surface.bounding_faces]
+        for face in reflector.surface.bounding_faces:
             for curve in face.rim:
-                ends = (face.quadric if isinstance(face, TrimmedQuadric) else face).evaluate(*curve.end.T)
+                ends = (face.quadric if isinstance(face, QuadricFace) else face).evaluate(*curve.end.T)
                 assert np.linalg.norm(ends - np.roll(curve.points, -1, axis=0), axis=1).max() < 1e-6
-        length = sum(float(curve.lengths.sum()) for face in reflector.surfaces for curve in face.rim)
+        length = sum(float(curve.lengths.sum()) for face in reflector.surface.bounding_faces for curve in face.rim)
         # Every edge of a solid bounds two faces; a seam and a pole bound none.
         assert length == pytest.approx(2.0 * around[name], rel=1e-5)
     assert rims["torus"] == [()]
@@ -109,8 +109,8 @@ def solid() -> tuple[Reflector, Reflector]:
     """A sphere's face alone, and with a plane behind it that reflects as well."""
     alone = quadric("sphere", 950.0)
     loop = np.array([[-60.0, -100.0], [60.0, -100.0], [60.0, 100.0], [-60.0, 100.0]])
-    behind = TrimmedQuadric(Quadric("plane", np.array([0.0, 0.0, -25.0]), np.eye(3), 0.0), (loop,), one_sided=False)
-    return alone, Reflector((behind, *alone.surfaces))
+    behind = QuadricFace(Quadric("plane", np.array([0.0, 0.0, -25.0]), np.eye(3), 0.0), (loop,), one_sided=False)
+    return alone, Reflector.of_faces((behind, alone.surface))
 
 
 def test_the_edge_of_the_face_that_a_solid_shows_is_that_of_the_face_alone() -> None:

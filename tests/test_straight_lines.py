@@ -15,11 +15,13 @@ import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.quadric import Quadric
 from raytrace.measures.column_tilt import column_tilt
-from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.line_bow import ARCMIN, line_bow
 from raytrace.measures.road_straightness import road_straightness
-from raytrace.reflector import Glass, Reflector, TrimmedSurface
-from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.plate import Plate
+from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.aim import Aim, aimed
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.pose import SIDEWAYS, Pose
@@ -28,7 +30,7 @@ from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of, roots, visibility_contour
 from raytrace.visibility.line_image import LineView, StraightLine, column, line_images, road_line
 from raytrace.visibility.plan import hidden_by
-from tests.conftest import constant, designed, spec_of
+from tests.conftest import constant, designed, face_of, spec_of
 from tests.meshes import grid
 
 Array = NDArray[np.float64]
@@ -64,7 +66,7 @@ def ball(radius: float = 950.0) -> Reflector:
     half_u, half_v = 115.0 / radius, 150.0 / radius
     axes = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # u = v = 0 looks along z
     loop = np.array([[-half_u, -half_v], [half_u, -half_v], [half_u, half_v], [-half_u, half_v]])
-    return Reflector((TrimmedQuadric(Quadric("sphere", np.array([0.0, 0.0, -radius]), axes, radius), (loop,)),))
+    return Reflector(QuadricFace(Quadric("sphere", np.array([0.0, 0.0, -radius]), axes, radius), (loop,)))
 
 
 def upright_cylinder(radius: float = 900.0) -> Reflector:
@@ -72,7 +74,7 @@ def upright_cylinder(radius: float = 900.0) -> Reflector:
     axes = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     half = 115.0 / radius
     loop = np.array([[-half, -150.0], [half, -150.0], [half, 150.0], [-half, 150.0]])
-    return Reflector((TrimmedQuadric(Quadric("cylinder", np.array([0.0, 0.0, -radius]), axes, radius), (loop,)),))
+    return Reflector(QuadricFace(Quadric("cylinder", np.array([0.0, 0.0, -radius]), axes, radius), (loop,)))
 
 
 def seen_off_sphere(eye: Array, point: Array, centre: Array, radius: float) -> Array:
@@ -155,7 +157,7 @@ def test_lines_in_a_plane_of_symmetry_stay_straight() -> None:
     pose = Pose(CENTRE, np.zeros(3), np.radians(14.0), np.radians(2.7))
     view = View(ball(), pose, EYE)
     centre = pose.to_vehicle(np.array([0.0, 0.0, -950.0]))
-    sight = view.trace(np.array([[20.0, 10.0]]))
+    sight = view.trace_places(np.array([[20.0, 10.0]]))
     along = (centre - EYE) / np.linalg.norm(centre - EYE)  # in the plane of eye, centre, and all of this ray
     bow = line_bow(view, StraightLine(sight.points[0] + 20_000.0 * sight.directions[0] - 1500.0 * along, along, 3000.0))
     assert bow is not None
@@ -182,7 +184,7 @@ def test_the_papers_lane_as_a_line_of_the_world_has_the_reference_planes_figure(
     assert found is not None
     assert found.image.ends == ("edge", "edge")
     # The outline is a polygon of chords of 1e-5 mm; the tangents' differences make 1e-6 of it.
-    assert found.percent == pytest.approx(lane_straightness(mirror.surface, eye, lane, BOX), abs=1e-3)
+    assert found.percent == pytest.approx(lane_straightness_percent(face_of(mirror), eye, lane, BOX), abs=1e-3)
     assert found.percent == pytest.approx(percent, abs=0.01)
 
 
@@ -199,7 +201,7 @@ def test_figures_of_the_derivation(name: str, percents: tuple[float, ...], bows:
     """docs/derivations/straight-lines.md: from the paper's lane to the road's line, one change at a time; bow; and that the
     percentage of a low lane depends on where it crosses the level of the middle, not on its slope."""
     view, line = view_of(name), road_line(-5250.0)
-    surface = designed(name).surface
+    surface = face_of(designed(name))
     found = road_straightness(view, line, OWN)
     assert found is not None
     papers, eye = eye_position(762.0, "right", BOX), view.eye_in_mirror
@@ -212,14 +214,14 @@ def test_figures_of_the_derivation(name: str, percents: tuple[float, ...], bows:
     plane, behind, seen = papers[2] + 8200.0, eye[2] + 8200.0, (found.near[0], found.far[0], *BOX[2:])
     chain = ((papers, StraightLane(0.0, 2400.0, 0.6, plane), BOX), (eye, StraightLane(0.0, 2400.0, 0.6, behind), BOX),
              (eye, lane_at(behind), BOX), (eye, lane_at(behind), seen), (eye, lane_at(1e8), seen))
-    figures = [lane_straightness(surface, at, lane, box) for at, lane, box in chain]
+    figures = [lane_straightness_percent(surface, at, lane, box) for at, lane, box in chain]
     assert [*figures, found.percent] == pytest.approx(list(percents), abs=0.006)
     for y, arcmin in zip((-1750.0, -5250.0, -8750.0), bows, strict=True):
         bow = line_bow(view, road_line(y), OWN)
         assert bow is not None
         assert bow.arcmin == pytest.approx(arcmin, abs=0.06)
     for x_0, percent in zip((-4000.0, -1145.0, 0.0), first_order, strict=True):
-        low = [lane_straightness(surface, papers, StraightLane(0.0, -x_0 * m, m, plane), BOX) for m in (0.01, 0.02)]
+        low = [lane_straightness_percent(surface, papers, StraightLane(0.0, -x_0 * m, m, plane), BOX) for m in (0.01, 0.02)]
         assert low == pytest.approx([percent, percent], abs=0.02)
 
 
@@ -236,7 +238,7 @@ def test_ends_are_exact() -> None:
     across = StraightLine(np.array([20_000.0, -6000.0, 0.0]), np.array([0.0, 1.0, 0.0]), 8000.0)
     hidden = line_images(view, across, OWN)[0]
     assert hidden.ends == ("line", "hidden")
-    q = view.trace(hidden.places[-1:]).points
+    q = view.trace_places(hidden.places[-1:]).points
     assert abs(hidden_by(OWN, q, across.at(hidden.along_mm[-1:]))[0]) < 1e-9
     # In plan, the way from the mirror to the last point seen passes the vehicle's rear corner.
     end = across.at(hidden.along_mm[-1:])[0]
@@ -300,11 +302,11 @@ def test_glass_of_index_1_shows_what_its_bare_back_shows() -> None:
     """The one by an edge that is looked for, the other by its outline."""
     mirror = designed("progressive-c")
     loops = (mirror.outline.polyline(1e-5),)
-    bare = Reflector((TrimmedSurface(mirror.surface, loops),))
-    in_front = TrimmedSurface(mirror.surface, loops)
+    bare = Reflector(BSplineFace(mirror.surface, loops))
+    in_front = BSplineFace(mirror.surface, loops)
     shifted = replace(mirror.surface, poles=mirror.surface.poles + np.array([0.0, 0.0, 3.0]))
     wide = np.array([[-124.0, -180.0], [124.0, -180.0], [124.0, 180.0], [-124.0, 180.0]])
-    glass = Reflector((in_front,), glass=Glass(TrimmedSurface(shifted, (wide,)), 1.0))
+    glass = Reflector(Plate(BSplineFace(shifted, (wide,)), in_front, 1.0))
     pose = posed("progressive-c")[1]
     a, b = View(bare, pose, EYE), View(glass, pose, EYE)
     for line in (road_line(-5250.0), column(20_000.0, -5500.0, 6000.0)):
@@ -320,7 +322,7 @@ def test_a_mesh_with_interpolated_normals_bends_a_line_as_its_surface_does() -> 
     mesh = SurfaceMesh(np.stack([x, y, np.sqrt(950.0**2 - x**2 - y**2) - 950.0], axis=1), faces)
     pose = Pose(CENTRE, np.zeros(3), np.radians(14.0), np.radians(2.7))
     line = column(20_000.0, -5500.0, 6000.0)
-    exact, found = (line_bow(View(one, pose, EYE), line) for one in (ball(), Reflector(mesh=mesh, normals="interpolated")))
+    exact, found = (line_bow(View(one, pose, EYE), line) for one in (ball(), Reflector.of_mesh(mesh, "interpolated")))
     assert exact is not None
     assert found is not None
     assert found.arcmin == pytest.approx(exact.arcmin, abs=0.1)
@@ -362,7 +364,7 @@ def test_a_ray_through_the_edge_meets_the_line() -> None:
     view, line = view_of("progressive-c"), road_line(-5250.0)
     seen = LineView.of(view, line)
     angle, places, _ = seen.crossings()
-    sight = view.whole.trace(places)
+    sight = view.untrimmed.trace_places(places)
     point = line.at(seen.along(angle))
     across = np.cross(point - sight.points, sight.directions)
     assert np.linalg.norm(across, axis=1).max() < 1e-6

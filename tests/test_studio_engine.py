@@ -27,10 +27,10 @@ from mirror_studio.web.protocol import StoppedError, ViewSettings, WrongShapeErr
 from mirror_studio.web.turned import Turn, aimed
 from mirror_studio.web.uploads import NAME, Uploads
 from raytrace.image import driver_view
-from raytrace.measures.field_of_view import reflected_at
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import load_picture
 from raytrace.viewing.camera import Frame
+from tests.conftest import face_of
 
 SPECS = ("progressive-c", "progressive-a", "sphere-950", "zoned-cylinder")
 
@@ -150,7 +150,8 @@ def test_turning_a_mirror_turns_what_its_middle_shows_by_twice_the_angle() -> No
 
 def test_fields_of_view_of_the_sections_do_not_change_with_the_pose() -> None:
     spec = load_spec("progressive-c")
-    straight, turned = (engine.show(spec, look).header["figures"] for look in (ViewSettings(), ViewSettings(yaw_deg=4.0, pitch_deg=-2.0)))
+    looks = ViewSettings(), ViewSettings(yaw_deg=4.0, pitch_deg=-2.0)
+    straight, turned = (engine.show(spec, look).header["figures"] for look in looks)
     assert straight["h_fov_deg"]["section"] == turned["h_fov_deg"]["section"]
     assert straight["h_fov_deg"]["traced"] != turned["h_fov_deg"]["traced"]
 
@@ -186,7 +187,7 @@ def test_the_designs_own_file_beside_it_shows_the_same(tmp_path: Path, uploads: 
     assert pictures[0].shape == pictures[1].shape
     assert np.mean(np.abs(pictures[0] - pictures[1])) < 0.5
     assert engine.designed(spec).mirror.box == pytest.approx(mirror.box)
-    at, _ = reflected_at(mirror.surface, engine.designed(spec).setting.eye, np.zeros(1), np.zeros(1))
+    at, _ = face_of(mirror).reflected_at(engine.designed(spec).setting.eye, np.zeros(1), np.zeros(1))
     assert np.isfinite(at).all()
 
 

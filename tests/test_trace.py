@@ -15,10 +15,10 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
-from raytrace.measures.lane import StraightLane, lane_straightness
-from raytrace.trace import Status
+from raytrace.measures.lane import StraightLane, lane_straightness_percent
+from raytrace.rays import Status
 from raytrace.viewing.eye import eye_position
-from tests.conftest import PAPER_MIRRORS, constant, designed, spec_of
+from tests.conftest import PAPER_MIRRORS, constant, designed, face_of, spec_of
 
 ARCSEC = np.degrees(1.0) * 3600.0
 BOX = (-115.0, 115.0, -163.45, 163.45)
@@ -68,9 +68,9 @@ def test_height_field_and_parametric_kernels_agree(tmp_path: Path) -> None:
     path = tmp_path / "c.step"
     mirror.export_step(path)
     fast = raytrace.load_reflector(path)
-    assert fast.surfaces[0].height_field is not None
+    assert fast.surface.height_field is not None
     slow = raytrace.load_reflector(path)
-    slow.surfaces[0].__dict__["height_field"] = None  # the cached property, so that the general kernel takes every ray
+    slow.surface.__dict__["height_field"] = None  # the cached property, so that the general kernel takes every ray
     directions = picture_rays(120, 160)
     a, b = raytrace.reflect(fast, EYE, directions), raytrace.reflect(slow, EYE, directions)
     assert np.count_nonzero(a.status != b.status) == 0
@@ -203,7 +203,7 @@ def test_fields_of_view_of_table_1() -> None:
 def test_traced_fields_of_view_with_the_eye_where_it_sits() -> None:
     for name, v in (("progressive-a", 45.3), ("progressive-b", 43.0), ("progressive-c", 39.6)):
         mirror = designed(name)
-        traced = np.degrees(traced_fields_of_view(mirror.surface, EYE, mirror.box, mirror.left_height_mm))
+        traced = np.degrees(traced_fields_of_view(face_of(mirror), EYE, mirror.box, mirror.left_height_mm))
         assert traced == pytest.approx([44.6, v], abs=0.1)
 
 
@@ -211,14 +211,14 @@ def test_lane_straightness_of_table_1() -> None:
     lane = StraightLane(0.0, 2400.0, 0.6, float(EYE[2]) + 8200.0)
     for name, percent in (("progressive-a", 27.57), ("progressive-b", 28.28), ("progressive-c", 40.91)):
         mirror = designed(name)
-        assert lane_straightness(mirror.surface, EYE, lane, mirror.box) == pytest.approx(percent, abs=0.05)
+        assert lane_straightness_percent(face_of(mirror), EYE, lane, mirror.box) == pytest.approx(percent, abs=0.05)
 
 
 def test_a_plane_mirror_keeps_lanes_straight_and_shows_the_flat_field_of_view() -> None:
     mirror = mirror_cad.design(spec_of(constant(np.inf), constant(np.inf)))
     lane = StraightLane(0.0, 300.0, 0.1, float(EYE[2]) + 8200.0)
-    assert lane_straightness(mirror.surface, EYE, lane, mirror.box) == pytest.approx(0.0, abs=1e-6)
-    h, _ = traced_fields_of_view(mirror.surface, EYE, mirror.box, 270.0)
+    assert lane_straightness_percent(face_of(mirror), EYE, lane, mirror.box) == pytest.approx(0.0, abs=1e-6)
+    h, _ = traced_fields_of_view(face_of(mirror), EYE, mirror.box, 270.0)
     assert h == pytest.approx(np.arctan2(230.0, EYE[2]), abs=1e-12)
 
 
@@ -235,7 +235,7 @@ def test_a_mirror_that_turns_turns_the_ray_twice_as_far() -> None:
     def tilted(angle: float) -> raytrace.Reflector:
         corners = np.array([[-200.0, -200, 0], [200, -200, 0], [200, 200, 0], [-200, 200, 0]])
         corners[:, 2] = np.tan(angle) * corners[:, 0]
-        return raytrace.Reflector(mesh=SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
+        return raytrace.Reflector.of_mesh(SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
 
     angle = np.radians(0.25)
     eye = np.array([0.0, 100.0, 762.0])

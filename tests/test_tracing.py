@@ -11,10 +11,11 @@ import mirror_cad
 import raytrace
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
-from raytrace.reflector import TrimmedSurface
-from raytrace.surfaces.patches import Patches
-from raytrace.surfaces.quadric import TrimmedQuadric
-from raytrace.trace import Status, Trace
+from raytrace.rays import Status, Trace
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.faces import FaceSet
+from raytrace.surfaces.polynomials import Patches
+from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.eye import eye_position
 from tests.conftest import constant, designed, spec_of
 from tests.extended import ARCSEC, reflected
@@ -44,12 +45,12 @@ def as_parametric(mirror: mirror_cad.Mirror) -> raytrace.Reflector:
                             (surface.knots_u - u0) / (u1 - u0), np.ascontiguousarray(surface.poles.transpose(1, 0, 2)))
     loop = mirror.outline.polyline(1e-5)
     uv = np.stack([3.0 * (loop[:, 1] - v0) / (v1 - v0), (loop[:, 0] - u0) / (u1 - u0)], axis=1)
-    return raytrace.Reflector((TrimmedSurface(turned, (uv,), sign=-1.0),))
+    return raytrace.Reflector(BSplineFace(turned, (uv,), sign=-1.0))
 
 
 def searched(reflector: raytrace.Reflector) -> raytrace.Reflector:
     """The same without the way that needs no search."""
-    for surface in reflector.splines:
+    for surface in reflector.surface.bounding_faces:
         patches = surface.patches
         surface.__dict__["patches"] = Patches(*(getattr(patches, name) if name != "sheet" else None
                                                 for name in Patches.__slots__))
@@ -94,7 +95,7 @@ def test_rational_surfaces_are_exact() -> None:
     surface = BSplineSurface(2, 2, np.array([0.0, 0, 0, 1, 1, 1]), np.array([0.0, 0, 0, 1, 1, 1]), poles,
                              np.outer([1.0, root, 1.0], [1.0, root, 1.0]))
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    reflector = raytrace.Reflector((TrimmedSurface(surface, (square,), one_sided=False),))
+    reflector = raytrace.Reflector(BSplineFace(surface, (square,), one_sided=False))
     rng = np.random.default_rng(0)
     uv = rng.uniform(0.02, 0.98, (1000, 2))
     eye = np.array([500.0, 500.0, 400.0])
@@ -263,7 +264,7 @@ def test_one_thread_and_two_give_the_same(monkeypatch: pytest.MonkeyPatch) -> No
     x, y = np.meshgrid(np.linspace(-130, 130, 500), np.linspace(-180, 180, 500))
     rays = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - EYE
     two = raytrace.reflect(reflector, EYE, rays)
-    monkeypatch.setattr("raytrace.trace.parallel_for", lambda work, n: work(0, n))
+    monkeypatch.setattr("raytrace.surfaces.bspline.parallel_for", lambda work, n: work(0, n))
     one = raytrace.reflect(reflector, EYE, rays)
     assert np.array_equal(one.status, two.status)
     # A run's first block starts from elsewhere than inside a longer run: the last bits may differ, no more.
@@ -276,9 +277,9 @@ def test_one_thread_and_two_give_the_same(monkeypatch: pytest.MonkeyPatch) -> No
 def test_whole_sphere_reflects_at_seam_poles_and_limb() -> None:
     rectangle = np.array([[0.0, -np.pi / 2], [2 * np.pi, -np.pi / 2], [2 * np.pi, np.pi / 2], [0.0, np.pi / 2]])
     centre = np.array([1e5, -2e5, 3e4])
-    ball = TrimmedQuadric(Quadric("sphere", centre, np.eye(3), 100.0), (rectangle,))
+    ball = QuadricFace(Quadric("sphere", centre, np.eye(3), 100.0), (rectangle,))
     eye = centre + [500.0, 0.0, 0.0]  # looks at the seam u = 0
-    reflector = raytrace.Reflector((ball,))
+    reflector = raytrace.Reflector(ball)
     limb = np.arcsin(100.0 / 500.0)
     angles = np.concatenate([np.linspace(0.0, limb * (1 - 1e-12), 500), limb * (1 + np.geomspace(1e-12, 1e-2, 100))])
     for across in ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]):
@@ -302,7 +303,7 @@ def test_nearest_of_several_faces_reflects(tmp_path: Path) -> None:
     path = tmp_path / "several.step"
     write_step(path, [Part(scene.wrapped, "several")], "several")
     reflector = raytrace.load_reflector(path)
-    assert {surface.quadric.kind for surface in reflector.surfaces} == {"plane", "sphere", "cylinder"}
+    assert {surface.quadric.kind for surface in reflector.surface.faces} == {"plane", "sphere", "cylinder"}
     eye = np.array([0.0, -30.0, 400.0])
     x, y = np.meshgrid(np.linspace(-110, 110, 60), np.linspace(-110, 110, 60))
     rays = np.stack([x.ravel(), y.ravel(), np.full(x.size, -40.0)], axis=1) - eye
@@ -375,10 +376,11 @@ def test_a_face_is_chosen_by_name_number_or_colour(painted: Path) -> None:
     down = np.array([[0.0, 0.0, -1.0]])
     for face in (None, "optical face", number, colours[number - 1]):
         reflector = raytrace.load_reflector(painted, face)
-        assert len(reflector.surfaces) == 1
+        assert isinstance(reflector.surface, QuadricFace)
         assert raytrace.reflect(reflector, np.array([10.0, 5.0, 50.0]), down).points[0, 2] == pytest.approx(5.0, abs=1e-12)
     sides = raytrace.load_reflector(painted, (255, 0, 0))
-    assert len(sides.surfaces) == 5
+    assert isinstance(sides.surface, FaceSet)
+    assert len(sides.surface.faces) == 5
     assert raytrace.reflect(sides, np.array([10.0, 5.0, 50.0]), down).status.tolist() == [Status.BLOCKED]
 
 
@@ -416,7 +418,7 @@ def test_nearly_flat_sliver_and_far_surfaces_are_exact() -> None:
     square = np.array([[-100.0, -100], [100, -100], [100, 100], [-100, 100]])
     for shift in (np.zeros(3), np.array([1.5e6, -2e6, 4e5])):
         moved = BSplineSurface(own.degree_u, own.degree_v, sliver.knots_u, sliver.knots_v, sliver.poles + shift)
-        trace = raytrace.reflect(raytrace.Reflector((TrimmedSurface(moved, (square,)),)), EYE + shift, targets - EYE)
+        trace = raytrace.reflect(raytrace.Reflector(BSplineFace(moved, (square,))), EYE + shift, targets - EYE)
         assert trace.counts() == {"reflected": 800}
         _, expected, _ = reflected(moved, EYE + shift, targets - EYE, trace.points[:, 0] - shift[0],
                                    trace.points[:, 1] - shift[1])
@@ -447,7 +449,7 @@ def rectangle(x0: float, x1: float, y0: float, y1: float) -> np.ndarray:
 def test_faces_that_share_a_surface_do_not_hide_each_other() -> None:
     surface = designed("progressive-c").surface
     halves = (rectangle(-100, 3, -120, 120), rectangle(3, 100, -120, 120))
-    reflector = raytrace.Reflector(tuple(TrimmedSurface(surface, (loop,)) for loop in halves))
+    reflector = raytrace.Reflector.of_faces(tuple(BSplineFace(surface, (loop,)) for loop in halves))
     rng = np.random.default_rng(3)
     targets = surface.evaluate(rng.uniform(-3, 9, 3000), rng.uniform(-110, 110, 3000))
     trace = raytrace.reflect(reflector, EYE, targets - EYE)
@@ -461,7 +463,7 @@ def test_waves_are_met_at_the_first_place(amplitude: float, waves: int, scale: f
     """Against a dense look along each ray at the sheet's own heights."""
     x, y = np.linspace(-100, 100, 12 * waves + 1), np.linspace(-100, 100, 9)
     surface = sheet_over(amplitude * np.sin(2 * np.pi * waves * x / 200.0)[:, None] * np.ones(9), x, y, scale=scale)
-    reflector = raytrace.Reflector((TrimmedSurface(surface, (scale * rectangle(-100, 100, -100, 100),), one_sided=False),))
+    reflector = raytrace.Reflector(BSplineFace(surface, (scale * rectangle(-100, 100, -100, 100),), one_sided=False))
     rng = np.random.default_rng(waves)
     n = 30
     low = np.radians(rng.uniform(2, 50, n))
@@ -520,7 +522,7 @@ def test_creases_and_twisted_caps_are_met() -> None:
     a, b, c = 0.005, 0.005, 0.00995
     cap = sheet_over(-(a * x[:, None] ** 2 + b * y[None] ** 2 + c * x[:, None] * y[None]), x, y)
     for surface in (valley, cap):
-        reflector = raytrace.Reflector((TrimmedSurface(surface, (rectangle(-100, 100, -100, 100),), one_sided=False),))
+        reflector = raytrace.Reflector(BSplineFace(surface, (rectangle(-100, 100, -100, 100),), one_sided=False))
         targets = surface.evaluate(rng.uniform(-99, 99, 2000), rng.uniform(-99, 99, 2000))
         low, around = np.radians(rng.uniform(3, 60, 2000)), rng.uniform(0, 2 * np.pi, 2000)
         d = np.stack([np.cos(low) * np.cos(around), np.cos(low) * np.sin(around), -np.sin(low)], axis=1)
@@ -532,13 +534,13 @@ def test_creases_and_twisted_caps_are_met() -> None:
 def test_faces_of_several_turns_and_rays_in_a_seam_are_met() -> None:
     tube = Quadric("cylinder", np.zeros(3), np.eye(3), 50.0)
     strip = np.array([[0.0, 0.0], [4 * np.pi, 40.0], [4 * np.pi, 45.0], [0.0, 5.0]])  # two turns of a helix
-    reflector = raytrace.Reflector((TrimmedQuadric(tube, (strip,)),))
+    reflector = raytrace.Reflector(QuadricFace(tube, (strip,)))
     u = np.random.default_rng(1).uniform(0.01, 4 * np.pi - 0.01, 500)
     z = 40.0 * u / (4 * np.pi) + 2.5
     out = np.stack([np.cos(u), np.sin(u), np.zeros(500)], axis=1)
     trace = raytrace.reflect(reflector, 200.0 * out + z[:, None] * [0, 0, 1], -out)
     assert trace.counts() == {"reflected": 500}
-    whole = raytrace.Reflector((TrimmedQuadric(tube, (rectangle(0.0, 2 * np.pi, -10, 10),)),))
+    whole = raytrace.Reflector(QuadricFace(tube, (rectangle(0.0, 2 * np.pi, -10, 10),)))
     for beside in (0.0, -0.0, 1e-17, -1e-17, -1e-16, 1e-12, -1e-12):
         trace = raytrace.reflect(whole, np.array([100.0, beside, 0.0]), np.array([[-1.0, 0.0, 0.0]]))
         assert trace.distances[0] == pytest.approx(50.0, abs=1e-9)
@@ -569,8 +571,8 @@ def test_rays_that_start_on_a_quadric_leave_it_or_meet_its_other_side(kind: str)
     rng = np.random.default_rng(3)
     centre, radius = np.array([300.0, -200.0, 50.0]), 40.0
     loop = rectangle(0.0, 2 * np.pi, -0.5 * np.pi, 0.5 * np.pi) if kind == "sphere" else rectangle(0.0, 2 * np.pi, -50.0, 50.0)
-    face = TrimmedQuadric(Quadric(kind, centre, np.eye(3), radius), (loop,), one_sided=False)  # type: ignore[arg-type]
-    reflector = raytrace.Reflector((face,))
+    face = QuadricFace(Quadric(kind, centre, np.eye(3), radius), (loop,), one_sided=False)  # type: ignore[arg-type]
+    reflector = raytrace.Reflector(face)
     u = rng.uniform(-np.pi, np.pi, 2000)
     normal = np.stack([np.cos(u), np.sin(u), np.zeros(2000)], axis=1)
     across = np.stack([-np.sin(u), np.cos(u), np.zeros(2000)], axis=1)

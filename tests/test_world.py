@@ -23,7 +23,7 @@ NEAR_EDGE_MM = 1e-3
 @pytest.fixture(scope="module")
 def plane_mirror() -> raytrace.Reflector:
     corners = HALF_MM * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    return raytrace.Reflector(mesh=SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
+    return raytrace.Reflector.of_mesh(SurfaceMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)))
 
 
 def seen(mirror: raytrace.Reflector, world: TriangleWorld, x: np.ndarray, y: np.ndarray, samples: int = 1) -> np.ndarray:

@@ -15,7 +15,7 @@ from mirror_cad.surfaces.faithful import Faithful
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
-from raytrace.measures.lane import lane_straightness
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.reflector import Reflector
 
 Method = Literal["decoupled", "faithful"]
@@ -46,10 +46,11 @@ def compare_methods(mirror: Mirror) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for method, one in mirrors.items():
         entry = against_design(one.curvature, one.outline, one.exact, one.surface)
-        h_fov, v_fov = traced_fields_of_view(one.surface, eye, one.box, one.left_height_mm)
+        face = Reflector.from_mirror(one).uncoated.surface
+        h_fov, v_fov = traced_fields_of_view(face, eye, one.box, one.left_height_mm)
         result[method] = {key: entry[key] for key in CURVATURE_KEYS} | {
             "h_fov_deg": math.degrees(h_fov), "v_fov_left_deg": math.degrees(v_fov),
-            "lane_straightness_percent": lane_straightness(one.surface, eye, setting.lane, one.box)}
+            "lane_straightness_percent": lane_straightness_percent(face, eye, setting.lane, one.box)}
     decoupled, faithful = (mirrors[method] for method in METHODS)
     seen = reflected_difference(Reflector.from_mirror(decoupled), Reflector.from_mirror(faithful), eye, setting.plane_z_mm,
                                 mirror.box)

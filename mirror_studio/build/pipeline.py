@@ -6,7 +6,7 @@ import hashlib
 import io
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,18 @@ from mirror_studio.progress import Progress
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
 from raytrace.image import driver_view
+from raytrace.load import Colour, load_reflector, reflector_of
 from raytrace.measures.difference import reflected_difference
-from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
+from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.ghost import ghost
-from raytrace.measures.lane import lane_straightness
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.lane_image import lane_straightness_in_picture
-from raytrace.reflector import Colour, Normals, Reflector, load_reflector, reflector_of
+from raytrace.rays import Status
+from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, load_picture
-from raytrace.trace import Status, reflect
+from raytrace.surfaces.mesh import Normals
+from raytrace.surfaces.plate import Plate
+from raytrace.trace import reflect
 from raytrace.viewing.camera import Frame
 
 Array = NDArray[np.float64]
@@ -93,22 +97,21 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     scene = setting.scene(picture, spec)
     frame = Frame.around(mirror.box, spec.view.width_px)
     reflector = reflector_of(step_file, spec.glass.index)
-    sheets = GlassSheets.before(reflector)
     view, rays = driver_view(reflector, eye, scene, frame, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
     section = mirror.section_fields_of_view()
-    traced = traced_fields_of_view(sheets or read_back, eye, mirror.box, mirror.left_height_mm)
+    traced = traced_fields_of_view(reflector.surface, eye, mirror.box, mirror.left_height_mm)
     progress.step(f"{name}: decoupled and faithful surface side by side")
     methods = compare_methods(mirror)
     mesh = _facets(stl, mirror)
-    facets, smooth = (reflected_difference(each, _bare(reflector), eye, scene.z_mm, mirror.box)
-                      for each in (mesh, replace(mesh, normals="interpolated")))
+    facets, smooth = (reflected_difference(each, reflector.uncoated, eye, scene.z_mm, mirror.box)
+                      for each in (mesh, mesh.interpolated))
     metrics = {
         "h_fov_deg": {"section": math.degrees(section[0]), "traced": _degrees(traced[0])},
         "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _degrees(traced[1])},
         "lane_straightness_percent": {
-            "traced": lane_straightness(sheets or read_back, eye, lane, mirror.box),
-            "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, mirror.box)},
+            "traced": lane_straightness_percent(reflector.surface, eye, lane, mirror.box),
+            "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, mirror.box)},
         "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
         "stl_interpolated_on_plane_mm": {"max": smooth.plane_max_mm, "rms": smooth.plane_rms_mm, "rays": smooth.rays},
         "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
@@ -119,8 +122,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
                   "back_error_mm": mirror.plate.back_error_mm},
         "files": files,
     }
-    if sheets is not None:
-        metrics["glass"] = _glass(mirror, sheets, eye, points, traced[0])
+    if spec.glass.reflecting == "back":
+        metrics["glass"] = _glass(mirror, reflector.plate, eye, points, traced[0])
     from mirror_studio.report import find, write_findings, write_pdf, write_report
     from mirror_studio.report.verdict_table import as_json, view_requirements
 
@@ -131,7 +134,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     write_json(folder / "metrics.json", metrics)
     write_json(folder / "deviation.json", deviation.as_json())
     manifest = _manifest(mirror)
-    findings = find(mirror, deviation, read_back, metrics, step_file, sheets)
+    findings = find(mirror, deviation, read_back, metrics, step_file, reflector.surface)
     write_findings(folder, mirror, deviation, findings, manifest)
     manifest["files"] = hashes(folder)
     write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
@@ -166,13 +169,10 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
         metrics: dict[str, Any] = {
             "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
             "lane_straightness_percent": {
-                "traced": None, "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, box)},
-            "rays": rays, "normals_from": "surface" if reflector.mesh is None else reflector.normals,
+                "traced": lane_straightness_percent(reflector.surface, eye, lane, box),
+                "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, box)},
+            "rays": rays, "normals_from": reflector.surface.normals_from,
             "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
-        only, sheets = reflector.only, GlassSheets.before(reflector)
-        if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
-            metrics["lane_straightness_percent"]["traced"] = lane_straightness(
-                sheets or only.surface, eye, lane, box)
         write_json(folder / "metrics.json", metrics)
         manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec_as_json(spec),
                     "versions": versions(), "files": hashes(folder)}
@@ -184,11 +184,6 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
 # --- glass --------------------------------------------------------------------------------------------------------
 
 
-def _bare(reflector: Reflector) -> Reflector:
-    """The reflecting face alone, as if there were no glass before it: its own places (x, y), and facets' fair counterpart."""
-    return reflector if reflector.glass is None else Reflector(reflector.surfaces)
-
-
 def _facets(stl: Path, mirror: Mirror) -> Reflector:
     """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
     if mirror.spec.glass.reflecting == "front":
@@ -196,14 +191,14 @@ def _facets(stl: Path, mirror: Mirror) -> Reflector:
     mesh, domain = read_stl(stl), mirror.surface.domain
     x, y = np.clip(mesh.vertices[:, 0], *domain[:2]), np.clip(mesh.vertices[:, 1], *domain[2:])
     on_back = np.linalg.norm(mirror.surface.evaluate(x, y) - mesh.vertices, axis=1) < 0.5 * mirror.spec.glass.thickness_mm
-    return Reflector(mesh=SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
+    return Reflector.of_mesh(SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
 
 
-def _glass(mirror: Mirror, sheets: GlassSheets, eye: Array, points: Array, h_fov: float) -> dict[str, Any]:
+def _glass(mirror: Mirror, plate: Plate, eye: Array, points: Array, h_fov: float) -> dict[str, Any]:
     """What the glass does to the driver's view: ghost over the grid of points, light, and field of view against none."""
-    bare, _ = traced_fields_of_view(sheets.back.surface, eye, mirror.box, mirror.left_height_mm)
-    seen = ghost(sheets, eye, points[:, 0], points[:, 1])
-    return {"reflecting": mirror.spec.glass.reflecting, "index": sheets.index,
+    bare, _ = traced_fields_of_view(plate.uncoated(), eye, mirror.box, mirror.left_height_mm)
+    seen = ghost(plate.untrimmed(), eye, points[:, 0], points[:, 1])
+    return {"reflecting": mirror.spec.glass.reflecting, "index": plate.index,
             "ghost_arcmin": {"max": seen.max_arcmin, "max_at_mm": seen.max_at_mm and list(seen.max_at_mm),
                              "mean": seen.mean_arcmin, "rays": seen.rays},
             "front_reflectance": {"mean": seen.front_mean, "max": seen.front_max},

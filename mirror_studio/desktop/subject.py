@@ -13,8 +13,10 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec
 from mirror_studio.desktop.sheet import Sheet, sheet
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.reflector import OPTICAL_FACE, Reflector, reflector_of
-from raytrace.trace import Status, reflect
+from raytrace.load import OPTICAL_FACE, reflector_of
+from raytrace.rays import Status
+from raytrace.reflector import Reflector
+from raytrace.trace import reflect
 
 Array = NDArray[np.float64]
 

@@ -108,7 +108,7 @@ def _lines(axes: Axes, each: Measured) -> None:
     found = each.grid
     nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
     # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
-    places = each.mirror.views.middle.whole.trace(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
+    places = each.mirror.views.middle.untrimmed.trace_places(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
     for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
         for line, angle in zip(lines, degrees, strict=True):
             fifth = round(float(angle)) % 5 == 0

@@ -20,7 +20,6 @@ from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_z
 from raytrace.measures.column_tilt import Tilt, column_tilt
 from raytrace.measures.disparity import Disparity, disparity
 from raytrace.measures.eye_fields import EyeFields, extent, eye_fields
-from raytrace.measures.field_of_view import GlassSheets
 from raytrace.measures.grid_distortion import GridDistortion, grid_distortion
 from raytrace.measures.ground import (
     Ground,
@@ -31,7 +30,7 @@ from raytrace.measures.ground import (
     seen_ground,
     seen_widths,
 )
-from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.line_bow import Bow, line_bow
 from raytrace.measures.magnification import MagnificationMap, magnification_map
 from raytrace.measures.road_straightness import RoadStraightness, road_straightness
@@ -140,16 +139,12 @@ def shown_round(views: EyeViews) -> Orientation:
 
 def plane_straightness(mirror: DrivenMirror) -> float | None:
     """The paper's lane straightness, percent: of the lane on the reference plane, with the eye where the mirror's
-    specification has it and the mirror not turned. None for a mirror that is no single sheet z(x, y), and for one in which
-    the lane does not cross both edges."""
-    only, sheets = mirror.whole.only, GlassSheets.before(mirror.whole)
-    if only is None or only.height_field is None or (mirror.whole.glass is not None and sheets is None):
-        return None
+    specification has it and the mirror not turned. None for a mirror in which the lane does not cross both edges."""
     box = box_of(mirror.whole)
     seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
     eye = eye_position(seat.distance_mm, seat.aligned, box)
     lane = StraightLane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, float(eye[2]) + scene.distance_mm)
-    return lane_straightness(sheets or only.surface, eye, lane, box)
+    return lane_straightness_percent(mirror.whole.surface, eye, lane, box)
 
 
 def main_figures(mirror: DrivenMirror, subject: Subject) -> dict[str, float | bool | None]:

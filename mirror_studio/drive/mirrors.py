@@ -15,7 +15,8 @@ from mirror_cad.spec_file import load_spec
 from mirror_studio.drive.world import MM, eyes_of, own_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.errors import TraceError
-from raytrace.reflector import Reflector, load_reflector
+from raytrace.load import load_reflector
+from raytrace.reflector import Reflector
 from raytrace.viewing.aim import Aim, aimed, shown_aim
 from raytrace.viewing.bezel import visible_aperture
 from raytrace.viewing.eye_views import EyeViews
@@ -69,7 +70,7 @@ def driven_mirror(name_or_path: str, scene: SceneFile) -> DrivenMirror:
         spec = load_spec(name_or_path)
         name, reflector = spec.name, exported(spec)
     try:
-        if reflector.mesh is not None:
+        if reflector.surface.triangle_count:
             _refuse_metres(reflector)
         return on_vehicle(name, reflector, scene, spec)
     except TraceError as error:

@@ -5,4 +5,5 @@ from mirror_studio.report.paper_page import contact_sheet, table1_markdown, writ
 from mirror_studio.report.pdf import write_pdf
 from mirror_studio.report.report_data import ReportData, find, write_findings
 
-__all__ = ["ReportData", "contact_sheet", "find", "table1_markdown", "write_findings", "write_index", "write_pdf", "write_report"]
+__all__ = ["ReportData", "contact_sheet", "find", "table1_markdown", "write_findings", "write_index", "write_pdf",
+           "write_report"]

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.interpolate import CubicSpline
 
-from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.report.tables import Table
-from raytrace.measures.field_of_view import GlassSheets, towards
 from raytrace.measures.lane import StraightLane, lane_height
+from raytrace.surfaces.base import OpticalSurface
 from raytrace.viewing.camera import Frame
 
 Array = NDArray[np.float64]
@@ -42,7 +41,7 @@ class LaneImage:
         return Table("lane", {"x_mm": self.x, "lane_y_mm": self.y, "tangent_y_mm": self.tangent})
 
 
-def lane_image(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, box: Box,
+def lane_image(surface: OpticalSurface, eye: Array, lane: StraightLane, box: Box,
                straightness_percent: float | None) -> LaneImage | None:
     """Traced in COLUMNS columns between the box's edges; None where `lane_straightness` found none.
 
@@ -60,7 +59,7 @@ def lane_image(surface: BSplineSurface | GlassSheets, eye: Array, lane: Straight
     return LaneImage(x, y, y[0] + rise * (x[0] - x) / (x[0] - x[-1]))
 
 
-def marked_view(png: bytes, frame: Frame, image: LaneImage | None, surface: BSplineSurface | GlassSheets, eye: Array) -> bytes:
+def marked_view(png: bytes, frame: Frame, image: LaneImage | None, surface: OpticalSurface, eye: Array) -> bytes:
     """The driver's view as JPEG, at most PICTURE_PX, with the lane's image and its tangent drawn into it."""
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     smaller = min(1.0, PICTURE_PX[0] / picture.width, PICTURE_PX[1] / picture.height)
@@ -90,12 +89,12 @@ def marked_view(png: bytes, frame: Frame, image: LaneImage | None, surface: BSpl
     return file.getvalue()
 
 
-def _pixels(frame: Frame, surface: BSplineSurface | GlassSheets, eye: Array, x: Array, y: Array) -> Array:
+def _pixels(frame: Frame, surface: OpticalSurface, eye: Array, x: Array, y: Array) -> Array:
     """Columns and rows (n, 2) of the picture at which the eye sees the places (x, y) of the mirror; NaN beyond its sheet."""
     u_min, u_max, v_min, v_max = surface.domain
     beyond = (y < v_min) | (y > v_max) | (x < u_min) | (x > u_max)
     x, y = np.clip(x, u_min, u_max), np.clip(y, v_min, v_max)
-    ray = towards(surface, eye, x, y) if isinstance(surface, GlassSheets) else surface.evaluate(x, y) - eye
+    ray = surface.eye_rays(eye, x, y)
     on_plane = eye + ray * (-eye[2] / ray[:, 2])[:, None]
     places = np.stack([(on_plane[:, 0] - frame.left) / frame.pixel, (frame.top - on_plane[:, 1]) / frame.pixel], axis=1)
     places[beyond] = np.nan

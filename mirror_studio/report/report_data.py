@@ -23,7 +23,9 @@ from mirror_studio.report.tables import Table, write_tables
 from mirror_studio.report.uncertainty import Uncertainty, uncertainty
 from mirror_studio.report.verdict_table import Requirement, requirements, verdict_rows_table
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.measures.field_of_view import GlassSheets
+from raytrace.reflector import TRIM_CHORD_MM
+from raytrace.surfaces.base import OpticalSurface
+from raytrace.surfaces.bspline import BSplineFace
 
 if TYPE_CHECKING:
     from mirror_cad.occt.step import StepFile
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 class ReportData:
     """fields, shares : deviations as drawn, and by area.   uncertainty, requirements, probe, cuts, change : as their modules
     have them.   lane : the lane's image, None where it does not cross the mirror.   maps : columns over the grid of points.
-    measures : every number of metrics.json under its keys.   seen : the surface or glass that the eye looks at.
+    measures : every number of metrics.json under its keys.   seen : what the eye looks at.
     """
 
     fields: DeviationFields
@@ -46,7 +48,7 @@ class ReportData:
     change: StepChange
     lane: LaneImage | None
     maps: Table
-    seen: BSplineSurface | GlassSheets
+    seen: OpticalSurface
 
     def tables(self, deviation: CurvatureDeviation) -> list[Table]:
         """All that is written as CSV and JSON, in the report's order."""
@@ -56,12 +58,14 @@ class ReportData:
 
 
 def find(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurface, metrics: Mapping[str, Any],
-         file: StepFile | None = None, glass: GlassSheets | None = None) -> ReportData:
+         file: StepFile | None = None, seen: OpticalSurface | None = None) -> ReportData:
     """Of a mirror whose optical face reads back as `read_back`.
 
-    metrics : as metrics.json.   file : the STEP file as read, None without the kernel.   glass : what the eye looks through.
+    metrics : as metrics.json.   file : the STEP file as read, None without the kernel.
+    seen : what the eye looks at; without it, the face itself.
     """
-    setting, seen = ViewingSetup.of(mirror.spec, mirror.box), glass or read_back
+    setting = ViewingSetup.of(mirror.spec, mirror.box)
+    seen = seen or BSplineFace(read_back, (mirror.outline.polyline(TRIM_CHORD_MM),))
     fields = deviation_fields(deviation, mirror.spec.limits.curvature_percent)
     rms = rms_norm(deviation.designed, deviation.grid.weights)
     straightness = (metrics.get("lane_straightness_percent") or {}).get("traced")

@@ -24,13 +24,16 @@ from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.turned import Turn, aimed
 from raytrace.image import driver_view
-from raytrace.measures.field_of_view import GlassSheets, reflected_at, traced_fields_of_view
-from raytrace.measures.lane import lane_straightness
+from raytrace.measures.field_of_view import traced_fields_of_view
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.magnification import ray_differentials
-from raytrace.reflector import TRIM_CHORD_MM, Glass, Reflector, TrimmedSurface
+from raytrace.rays import Status
+from raytrace.reflector import TRIM_CHORD_MM, Reflector
 from raytrace.scene.reference import Picture, landed, load_picture
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.plate import Plate
 from raytrace.surfaces.trimming import Trimming
-from raytrace.trace import Status, reflect
+from raytrace.trace import reflect
 from raytrace.viewing.camera import Frame
 from raytrace.viewing.pose import STRAIGHT, Pose
 from raytrace.viewing.view import View, box_of
@@ -57,11 +60,6 @@ class Designed:
     setting: ViewingSetup
     picture: Picture
     reflector: Reflector
-
-    @cached_property
-    def sheets(self) -> GlassSheets | None:
-        """Both sheets of a mirror that reflects from behind glass."""
-        return GlassSheets.before(self.reflector)
 
     @cached_property
     def maps(self) -> dict[str, Array]:
@@ -91,13 +89,13 @@ class Designed:
     def figures(self, turn: Turn) -> dict[str, Any]:
         """The figures of metrics.json, under its names: fields of view in degrees, lane straightness in percent."""
         mirror, eye = self.mirror, turn.to_mirror(self.setting.eye)
-        surface = self.sheets or mirror.surface
+        surface = self.reflector.surface
         section = mirror.section_fields_of_view()
         traced = traced_fields_of_view(surface, eye, mirror.box, mirror.left_height_mm)
         return {"h_fov_deg": {"section": math.degrees(section[0]), "traced": _finite(math.degrees(traced[0]))},
                 "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _finite(math.degrees(traced[1]))},
                 "lane_straightness_percent": {
-                    "traced": lane_straightness(surface, eye, turn.lane(self.setting.lane), mirror.box)}}
+                    "traced": lane_straightness_percent(surface, eye, turn.lane(self.setting.lane), mirror.box)}}
 
     def radii(self) -> dict[str, float | None]:
         """The radii realised at the middle of the box and the smallest ones over it, mm, signed; None where flat."""
@@ -110,8 +108,8 @@ class Designed:
 
     def ground(self, turn: Turn, eye: Array) -> Array:
         """Where the rays by way of the outline land on the reference plane, (n, 2) mm; NaN where they do not."""
-        outline, surface = self.maps["outline"], self.sheets or self.mirror.surface
-        points, directions = reflected_at(surface, turn.to_mirror(eye), outline[:, 0], outline[:, 1])
+        outline = self.maps["outline"]
+        points, directions = self.reflector.surface.reflected_at(turn.to_mirror(eye), outline[:, 0], outline[:, 1])
         return _land(turn, points, directions, self.setting.plane_z_mm)
 
 
@@ -122,12 +120,10 @@ def designed(spec: MirrorSpec) -> Designed:
     mirror = design(spec)
     setting = ViewingSetup.of(spec, mirror.box)
     loops, trimming = _trimming(mirror.outline)
-    front = None
-    if spec.glass.reflecting == "back":
-        front = Glass(TrimmedSurface(mirror.front, loops), spec.glass.index)
-    surface = TrimmedSurface(mirror.surface, loops)
-    surface.__dict__["trimming"] = trimming  # the one that it would make of the same loops
-    return Designed(mirror, setting, picture, Reflector((surface,), glass=front))
+    face = BSplineFace(mirror.surface, loops)
+    face.__dict__["trimming"] = trimming  # the one that it would make of the same loops
+    surface = Plate(BSplineFace(mirror.front, loops), face, spec.glass.index) if spec.glass.reflecting == "back" else face
+    return Designed(mirror, setting, picture, Reflector(surface))
 
 
 @lru_cache(maxsize=4)
@@ -249,7 +245,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way
     view = View(one.reflector, pose, STRAIGHT @ eyes[min(eye, len(eyes) - 1)])
     places = np.array([[x, y]])
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()
@@ -279,7 +275,7 @@ def own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
         raise TraceError(f"the uploaded mirror does not reflect at the middle of its box, ({centre[0]:.1f}, {centre[1]:.1f}) "
                          "mm, seen along −z: is it in mirror coordinates?")
     x, y = (0.5 * (one.mirror.box[i] + one.mirror.box[i + 1]) for i in (0, 2))
-    place, out = reflected_at(one.sheets or one.mirror.surface, turn.to_mirror(one.setting.eye), np.array([x]), np.array([y]))
+    place, out = one.reflector.surface.reflected_at(turn.to_mirror(one.setting.eye), np.array([x]), np.array([y]))
     stood = aimed(met.points[0], met.normals[0], turn.to_scene(place[0]), one.setting.eye, out[0] @ turn.rotation.T)
     return stood, box
 

@@ -41,15 +41,14 @@ def read(kind: str, path: Path) -> None:
                             "scale the picture down")
         load_picture(path)
     elif kind == "reflector":
-        from raytrace.reflector import load_reflector
+        from raytrace.load import load_reflector
 
         reflector = load_reflector(path)
-        if reflector.mesh is not None and len(reflector.mesh.faces) > MAX_FACES:
-            raise FileError(f"{len(reflector.mesh.faces)} triangles are too many (the studio takes {MAX_FACES // 10**6} "
+        if reflector.surface.triangle_count > MAX_FACES:
+            raise FileError(f"{reflector.surface.triangle_count} triangles are too many (the studio takes {MAX_FACES // 10**6} "
                             "million): write the mesh coarser")
         _check_size(reflector)
-        for spline in reflector.splines:
-            _ = spline.trimming
+        reflector.surface.prepared()
         path.with_name(f"{path.name}.read").write_bytes(pickle.dumps(reflector))
 
 

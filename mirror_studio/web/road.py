@@ -202,7 +202,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     views = views_of(mirror, look)
     view = views[min(eye, len(views) - 1)]
     places = np.array([[x, y]])
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()

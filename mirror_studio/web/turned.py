@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 
 from raytrace.image import Scene
 from raytrace.measures.lane import StraightLane
+from raytrace.rays import Trace
 from raytrace.scene.reference import Picture
-from raytrace.trace import Trace
 from raytrace.viewing.pose import STRAIGHT, Pose
 
 Array = NDArray[np.float64]

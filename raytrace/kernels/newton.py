@@ -105,24 +105,24 @@ def inside(first, edges, low, inverse_height, u, v, answer):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
-def _surely_inside(sure, low, inverse_height, u_low, u_high, v_low, v_high):
+def _in_interior(interior, low, inverse_height, u_low, u_high, v_low, v_high):
     """Whether a whole box lies in the part of its strips that no edge enters."""
     if not v_low > low:
         return False
     from_strip, to_strip = int((v_low - low) * inverse_height), int((v_high - low) * inverse_height)
-    if to_strip >= sure.shape[0] or to_strip - from_strip > MAX_STRIPS:
+    if to_strip >= interior.shape[0] or to_strip - from_strip > MAX_STRIPS:
         return False
     for strip in range(from_strip, to_strip + 1):  # noqa: SIM110 (a generator is no numba)
-        if not (u_low > sure[strip, 0] and u_high < sure[strip, 1]):
+        if not (u_low > interior[strip, 0] and u_high < interior[strip, 1]):
             return False
     return True
 
 
 @njit(cache=True, error_model="numpy")
-def sure_parts(first, edges, low, inverse_height, sure):
+def interior_spans(first, edges, low, inverse_height, interior):
     """The widest interval of u inside the polygon that no edge enters, in each strip of v; (inf, −inf) for none."""
     for strip in range(first.size - 1):
-        sure[strip, 0], sure[strip, 1] = np.inf, -np.inf
+        interior[strip, 0], interior[strip, 1] = np.inf, -np.inf
         bottom, top = low + strip / inverse_height, low + (strip + 1) / inverse_height
         count = first[strip + 1] - first[strip]
         left, right = np.empty(count), np.empty(count)
@@ -144,9 +144,9 @@ def sure_parts(first, edges, low, inverse_height, sure):
         middle = 0.5 * (bottom + top)
         for n in range(count):
             gap = left[n] - reach
-            if gap > max(sure[strip, 1] - sure[strip, 0], 0.0) and reach > -np.inf \
+            if gap > max(interior[strip, 1] - interior[strip, 0], 0.0) and reach > -np.inf \
                     and _inside(first, edges, low, inverse_height, 0.5 * (reach + left[n]), middle):
-                sure[strip, 0], sure[strip, 1] = reach, left[n]
+                interior[strip, 0], interior[strip, 1] = reach, left[n]
             reach = max(reach, right[n])
 
 
@@ -384,7 +384,7 @@ def _height_field_kernel(powers):
 
     @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
     def hits(w, q, state, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, top, steepest,
-             first, edges, low, inverse_height, sure,
+             first, edges, low, inverse_height, interior,
              origins, directions, status, points, normals, reflected, distances):
         n_rays = directions.size // 3
         last_x, last_y = ends_x.size - 3, ends_y.size - 3
@@ -496,7 +496,7 @@ def _height_field_kernel(powers):
             x_low, x_high, y_low, y_high = _box(w, X, Y)
             _reflect(w)
             if good == BLOCK and odd == 0 and count == BLOCK \
-                    and _surely_inside(sure, low, inverse_height, x_low, x_high, y_low, y_high):
+                    and _in_interior(interior, low, inverse_height, x_low, x_high, y_low, y_high):
                 _store_all(w, start, status, points, normals, reflected, distances)
                 continue
             for m in range(BLOCK):
@@ -679,7 +679,7 @@ def _parametric_kernel(powers, parts):
     """The kernel for surfaces in `parts` coordinates (3, or 4 homogeneous ones) with `powers` = degree + 1 both ways."""
     @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
     def hits(w, state, flat, ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v, centre, extent, first, edges, low,
-             inverse_height, sure,
+             inverse_height, interior,
              sign, one_sided, closed, sheet, starts, origins, directions, status, points, normals, reflected, distances):
         n_rays = directions.size // 3
         u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
@@ -780,7 +780,7 @@ def _parametric_kernel(powers, parts):
             u_low, u_high, v_low, v_high = _box(w, U, V)
             _reflect(w)
             if good == BLOCK and odd == 0 and count == BLOCK \
-                    and _surely_inside(sure, low, inverse_height, u_low, u_high, v_low, v_high):
+                    and _in_interior(interior, low, inverse_height, u_low, u_high, v_low, v_high):
                 _store_all(w, start, status, points, normals, reflected, distances)
                 continue
             for m in range(BLOCK):

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.field_of_view import angle_between
-from raytrace.measures.magnification import smooth
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 
@@ -55,12 +54,12 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
     shows the whole face where these four and the four corners lie inside the outline and `own` hides none of them. A mesh
     stands for the smooth surface that its vertices lie on.
     """
-    view = smooth(view)
+    view = view.interpolated
     across, up = np.meshgrid([-0.5, 0.0, 0.5], [0.0, 0.5, 1.0])
     points = np.stack([np.zeros(9), face.y_mm + face.width_mm * across.ravel(), face.height_mm * up.ravel()], axis=1)
     targets = np.concatenate([points + [distance, 0.0, 0.0] for distance in distances_mm])
     places, shown = view.find(targets)
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     if own is not None:
         shown &= ~own.hides(sight.points, targets)
     seen = view.towards(places)

@@ -46,7 +46,7 @@ def column_tilt(view: View, line: StraightLine, own: HostVehicle | None = None) 
         return None
     image = images[0]
     middle = image.places[0] + 0.5 * (image.places[-1] - image.places[0])
-    sight = view.whole.trace(np.array([middle]))
+    sight = view.untrimmed.trace_places(np.array([middle]))
     ray = view.towards(middle)
     normal = sight.directions[0] - ray
     normal /= np.linalg.norm(normal)

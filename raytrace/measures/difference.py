@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image import landing_points
+from raytrace.rays import Status
 from raytrace.reflector import Reflector
-from raytrace.trace import Status, reflect
+from raytrace.trace import reflect
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

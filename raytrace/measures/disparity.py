@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.magnification import facet_span, mirror_grid, places_over, ray_differentials, smooth
+from raytrace.measures.magnification import mirror_grid, ray_differentials
 from raytrace.viewing.eye_views import EyeViews
 
 Array = NDArray[np.float64]
@@ -56,12 +56,12 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
     targets 2 to 6 m away, among which it recommends squares ("area"); here of the mean, which does not prefer an eye, and
     of far objects, for which it is a property of a place. 10 % here is 9.5 or 10.5 % there.
     """
-    views = EyeViews(smooth(views.left), smooth(views.middle), smooth(views.right))
-    step = STEP_MM if views.middle.reflector.mesh is None else facet_span(views.middle)
+    views = EyeViews(views.left.interpolated, views.middle.interpolated, views.right.interpolated)
+    step = views.middle.reflector.surface.resolution_mm or STEP_MM
 
     def at(x: Array, y: Array) -> Array:
         """Disparity of the directions that the middle sees at (x, y), (n,)."""
-        return _of_places(views, places_over(views.middle, x, y), size)
+        return _of_places(views, views.middle.places_over(x, y), size)
 
     def rate(x: Array, y: Array) -> Array:
         both = at(np.concatenate([x - step, x + step]), np.concatenate([y, y]))
@@ -79,7 +79,7 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
 def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
     """Disparity of the far directions that the middle sees through places (n, 2); NaN where not both eyes see one."""
     result = np.full(len(places), np.nan)
-    sight = views.middle.trace(places)
+    sight = views.middle.trace_places(places)
     seen = np.flatnonzero(sight.seen)
     left, right = (_sizes(views, name, sight.directions[seen], size) for name in ("left", "right"))
     result[seen] = 100.0 * (left - right) / (0.5 * (left + right))

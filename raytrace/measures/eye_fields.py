@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.field_of_view import GlassSheets, angle_between, reflected_at
-from raytrace.measures.magnification import places_over
+from raytrace.measures.field_of_view import angle_between
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
@@ -21,8 +20,6 @@ Interval = tuple[float, float]
 Intervals = tuple[Interval, ...]
 
 GRID_SHAPE = 33  # directions of a part that the mirror shows, at which the own vehicle may hide it
-# How far inside an edge its ray is taken, of the mirror's width: 1e-12 rad of the reflected ray, 1e-7, 1e-5.
-EDGE_OF_SHEET, EDGE_OF_FACE, EDGE_OF_MESH = 1e-12, 1e-7, 1e-5
 FAR_MM = 1e9  # a thousand kilometres: where directions that the own vehicle may hide end
 
 
@@ -90,8 +87,8 @@ def eye_fields(views: EyeViews, own: HostVehicle | None = None) -> EyeFields:
     twice (`raytrace.visibility.orientation`).
     """
     x_min, x_max, y_min, y_max = views.middle.box
-    place = places_over(views.middle, np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
-    ahead = views.middle.whole.trace(place).directions[0]
+    place = views.middle.places_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
+    ahead = views.middle.untrimmed.trace_places(place).directions[0]
     circles = [_Circle(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))]
     azimuth = None
     if np.isfinite(ahead).all() and np.hypot(ahead[0], ahead[1]) > 0.0:
@@ -179,22 +176,7 @@ def _intervals(low: Array, high: Array) -> Intervals:
 def _between_edges(view: View) -> float | None:
     """The contract's traced H-FOV: between the rays reflected at the box's edges, y = 0, degrees."""
     x, y = np.array(view.box[:2]), np.zeros(2)
-    glass = view.reflector.glass
-    if glass is None:
-        # An outline's own upper edge is no longer inside it; where nothing goes on beyond, its points are the file's or, of
-        # a mesh, float32's, and beside them a solid's rim is met.
-        inward = (EDGE_OF_SHEET if view.reflector.only is not None else EDGE_OF_FACE if view.reflector.mesh is None
-                  else EDGE_OF_MESH) * (x[1] - x[0])
-        out = view.whole.trace(places_over(view, x + [inward, -inward], y)).directions
-    else:
-        sheets = GlassSheets.before(view.reflector)
-        if sheets is None:
-            return None
-        back = sheets.back.surface
-        u_min, u_max, v_min, v_max = back.domain
-        if not (u_min <= x[0] and x[1] <= u_max and v_min <= 0.0 <= v_max):
-            return None
-        if np.abs(back.evaluate(x, y)[:, :2] - np.stack([x, y], axis=1)).max() > 1e-6:
-            return None
-        _, out = reflected_at(sheets, view.eye_in_mirror, x, y)
+    surface = view.reflector.surface
+    inward = surface.edge_inset * (x[1] - x[0])
+    _, out = surface.reflected_at(view.eye_in_mirror, x + [inward, -inward], y)
     return float(np.degrees(angle_between(out[0], out[1]))) if np.isfinite(out).all() else None

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.surfaces.differential import normals
-from raytrace.measures.field_of_view import GlassSheets
-from raytrace.surfaces.plate import trace_through
+from raytrace.rays import Rays, Trace
+from raytrace.surfaces.plate import Plate
 
 Array = NDArray[np.float64]
 
@@ -34,7 +33,7 @@ class Ghost:
     image_mean: float | None = None
 
 
-def ghost(glass: GlassSheets, eye: Array, u: Array, v: Array) -> Ghost:
+def ghost(glass: Plate, eye: Array, u: Array, v: Array) -> Ghost:
     """The front's own reflection beside the image in the back, for rays from the eye to places (u, v) of the front.
 
     A far point sends the eye two rays, one by each face. The ghost's distance is the angle at the eye between the two. The
@@ -45,9 +44,8 @@ def ghost(glass: GlassSheets, eye: Array, u: Array, v: Array) -> Ghost:
     Light: `reflectance` R at the front; the back reflects all of it, and both passes of the front let 1 − R through: a ray
     leaves at very nearly the incidence at which it came in.
     """
-    d = glass.front.surface.derivatives(u, v)
-    normal = glass.front.sign * normals(d["u"], d["v"])
-    ray = d["s"] - eye
+    points, normal = glass.front_at(u, v)
+    ray = points - eye
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     cosine = -np.einsum("ij,ij->i", ray, normal)
     ghosts = ray + 2.0 * cosine[:, None] * normal
@@ -75,14 +73,16 @@ def reflectance(cosine: Array, index: float) -> Array:
     return result
 
 
-def _seen_apart(glass: GlassSheets, eye: Array, ray: Array, wanted: Array) -> Array:
+def _seen_apart(glass: Plate, eye: Array, ray: Array, wanted: Array) -> Array:
     """The angle by which the eye's directions have to turn for the rays to leave the glass along `wanted`, radians, (n,);
     NaN where none is found: where the sheets end, or beside the focus of a concave mirror."""
     a, b = _across(ray)
     left, up = _across(wanted)
 
     def off(p: Array, q: Array) -> Array:
-        leaving = trace_through(glass.front, glass.back, glass.index, eye, ray + p[:, None] * a + q[:, None] * b).directions
+        found = Trace.empty(len(ray))
+        glass.first_hits(Rays(eye[None], ray + p[:, None] * a + q[:, None] * b), found)
+        leaving = found.directions
         return np.stack([np.einsum("ij,ij->i", leaving, left), np.einsum("ij,ij->i", leaving, up)], axis=1)
 
     p, q = np.zeros(len(ray)), np.zeros(len(ray))

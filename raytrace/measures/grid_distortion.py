@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.magnification import places_over, smooth
 from raytrace.viewing.eye_views import picture_grid
 from raytrace.viewing.view import View
 
@@ -62,9 +61,9 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     Nodes farther than WIDEST from d0 do not count. What the own vehicle hides is not looked at. A mesh stands for the smooth
     surface that its vertices lie on.
     """
-    view = smooth(view)
+    view = view.interpolated
     looked = picture_grid(view, LOOK).reshape(-1, 2)
-    sight = view.trace(looked)
+    sight = view.trace_places(looked)
     ways, seen = sight.directions[sight.seen], view.towards(looked[sight.seen])
     nothing = np.empty(0)
     if len(ways) == 0:
@@ -117,8 +116,8 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
 def _middle(view: View) -> tuple[Array, Array]:
     """The direction in which the eye sees the middle of the mirror's box, and that of the ray when it leaves, (3,)."""
     x_min, x_max, y_min, y_max = view.box
-    place = places_over(view, np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
-    return view.towards(place)[0], view.trace(place).directions[0]
+    place = view.places_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
+    return view.towards(place)[0], view.trace_places(place).directions[0]
 
 
 def _lines(angles: Array, step_deg: float) -> Array:

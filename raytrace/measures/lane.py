@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.surfaces.bspline import BSplineSurface
-from raytrace.measures.field_of_view import GlassSheets, reflected_at, reflected_on_grid
 from raytrace.scene.reference import landed
+from raytrace.surfaces.base import OpticalSurface
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -21,6 +21,34 @@ ROOT_MM = 1e-11  # of a height: rounding of coordinates of some 100 mm
 MAX_STEPS = 100  # halving alone takes 50
 # An image whose tangent rises less than this share of the width is level: what is left of it is the roots' rounding.
 LEVEL = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A straight lane on the reference plane behind the eye, as seen in the mirror: Y = y0 + slope·(X − x0), mm.
+
+    Parameters
+    ----------
+    x0_mm, y0_mm : a point of it; X to the right, Y up, from the mirror's axis.
+    slope : of the line.
+    distance_mm : of the plane behind the eye.
+    """
+
+    x0_mm: float
+    y0_mm: float
+    slope: float
+    distance_mm: float = 8200.0
+
+    def before(self, eye: Array) -> StraightLane:
+        """The lane on the plane behind an eye (3,) in mirror coordinates."""
+        return StraightLane(self.x0_mm, self.y0_mm, self.slope, float(eye[2]) + self.distance_mm)
+
+
+@dataclass(frozen=True, slots=True)
+class LaneStraightness:
+    """How far the image of a straight lane bends between the mirror's edges, percent; None where it does not cross both."""
+
+    percent: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,23 +67,23 @@ class StraightLane:
         return result
 
 
-def lane_height(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, x: float, y_min: float, y_max: float,
+def lane_height(surface: OpticalSurface, eye: Array, lane: StraightLane, x: float, y_min: float, y_max: float,
                 ) -> float | None:
     """The height y on the mirror at which the lane appears at x, in mm; None where it does not within [y_min, y_max]."""
     found = float(lane_heights(surface, eye, lane, np.array([x]), y_min, y_max)[0])
     return found if np.isfinite(found) else None
 
 
-def lane_heights(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, x: Array, y_min: float, y_max: float,
+def lane_heights(surface: OpticalSurface, eye: Array, lane: StraightLane, x: Array, y_min: float, y_max: float,
                  ) -> Array:
     """`lane_height` at several x (n,) at once, NaN for None: (n,), mm."""
 
     def above(at: Array, y: Array) -> Array:
-        result: Array = lane.above(*reflected_at(surface, eye, at, y))
+        result: Array = lane.above(*surface.reflected_at(eye, at, y))
         return result
 
     y = np.linspace(y_min, y_max, PLACES)
-    heights = lane.above(*reflected_on_grid(surface, eye, x, y)).reshape(len(x), PLACES)
+    heights = lane.above(*surface.reflected_on_grid(eye, x, y)).reshape(len(x), PLACES)
     crossing = heights[:, :-1] * heights[:, 1:] <= 0.0
     # The upper one, should a lane appear twice.
     i = PLACES - 2 - np.argmax(crossing[:, ::-1], axis=1)
@@ -84,7 +112,16 @@ def _roots(function: Callable[[Array], Array], low: Array, high: Array, at_low: 
     return here
 
 
-def lane_straightness(surface: BSplineSurface | GlassSheets, eye: Array, lane: StraightLane, box: Box) -> float | None:
+def lane_straightness(view: View, lane: Lane) -> LaneStraightness:
+    """How far a straight lane's image bends, between the edges of the mirror's box, in mirror coordinates (x, y).
+
+    See `lane_straightness_percent`. The lane lies on a plane z = const of the mirror's own coordinates, however it is posed.
+    """
+    eye = view.eye_in_mirror
+    return LaneStraightness(lane_straightness_percent(view.reflector.surface, eye, lane.before(eye), view.box))
+
+
+def lane_straightness_percent(surface: OpticalSurface, eye: Array, lane: StraightLane, box: Box) -> float | None:
     """(|Δy_curve| − |Δy_line|)/|Δy_line| in percent at the mirror's left edge, in mirror coordinates (x, y).
 
     Δy_curve: from where the lane's image crosses the right edge to where it crosses the left edge. Δy_line: the same

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
+from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture
-from raytrace.trace import Status, reflect
+from raytrace.trace import reflect
 from raytrace.viewing.camera import Frame, rays_through
 
 Array = NDArray[np.float64]

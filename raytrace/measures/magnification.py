@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.viewing.aim import surface_points
 from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
@@ -17,8 +16,6 @@ Mask = NDArray[np.bool_]
 # Radians to either side of a ray, 0.08 mm of a mirror at the driver's distance: rounding gives the derivatives 1e-10 of
 # their size, and where the law of curvature breaks they are wrong over no more than that width.
 TURN = 1e-4
-FACETS = 2.0  # sides of a mesh's facets that one turn spans: within a facet the normals' slope is that of noise
-WIDEST_SPAN = 0.05  # of the mirror's width, where facets are large because the mirror is flat
 CREASE = np.radians(60.0)  # between neighbouring reflected rays: normals 30° apart are those of two faces, as in mesh_normals
 COLUMNS, ROWS = 41, 61  # of a map
 
@@ -92,16 +89,16 @@ def ray_differentials(view: View, places: Array) -> RayDifferentials:
 
     Central differences of the fourth order; beside a crease or an edge beyond which nothing can be traced, of the second, to
     one side if need be. On a mesh, whatever its normals, they are those of the smooth surface that its vertices lie on, and
-    the turns span FACETS facets, since what is between vertices is right in the mean only.
+    the turns span two facets, since what is between vertices is right in the mean only.
     """
     n = len(places)
     jacobian, shift, path = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
-    view = smooth(view)
-    sight = view.trace(places)
+    view = view.interpolated
+    sight = view.trace_places(places)
     index = np.flatnonzero(sight.seen)
     if index.size:
         towards = view.towards(places[index])
-        turn = TURN if view.reflector.mesh is None else facet_span(view) / float(np.linalg.norm(view.eye_in_mirror))
+        turn = view.reflector.surface.resolution_mm / float(np.linalg.norm(view.eye_in_mirror)) or TURN
         ends, ways = _beside(view, towards, turn)
         beyond = np.einsum("nijk,nk->nij", ways, sight.directions[index]) < np.cos(CREASE)
         ends[beyond] = ways[beyond] = np.nan
@@ -127,27 +124,7 @@ def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Arra
     x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
     y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
     at_x, at_y = np.meshgrid(x, y)
-    return x, y, places_over(view, at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)
-
-
-def places_over(view: View, x: Array, y: Array) -> Array:
-    """Places (n, 2) through which the eye looks at what reflects at (x, y), without glass before it; NaN where nothing
-    does, neither inside the outline nor on the sheet beyond."""
-    return view.places_of(surface_points(view.reflector, x, y))
-
-
-def facet_span(view: View) -> float:
-    """What differences on a mesh span, mm: FACETS sides of its facets, of the mean area."""
-    mesh = view.reflector.mesh
-    assert mesh is not None  # asked for only with one
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    area = float(np.mean(np.linalg.norm(np.cross(b - a, c - a), axis=1)))  # of two facets: a square's side is its root
-    return min(FACETS * float(np.sqrt(area)), WIDEST_SPAN * (view.box[1] - view.box[0]))
-
-
-def smooth(view: View) -> View:
-    """The same view with the normals of a mesh interpolated: a facet by itself is flat and magnifies nothing."""
-    return view if view.reflector.mesh is None or view.reflector.normals == "interpolated" else _interpolated(view)
+    return x, y, view.places_over(at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)
 
 
 def frame(directions: Array) -> tuple[Array, Array]:
@@ -170,7 +147,7 @@ def _beside(view: View, towards: Array, turn: float) -> tuple[Array, Array]:
     eye = view.eye_in_mirror
     with np.errstate(divide="ignore", invalid="ignore"):
         places = np.where(rays[:, 2:] < 0.0, eye[:2] - rays[:, :2] * (eye[2] / rays[:, 2:]), np.nan)
-    sight = view.whole.trace(places)
+    sight = view.untrimmed.trace_places(places)
     return sight.points.reshape(-1, 2, 4, 3), sight.directions.reshape(-1, 2, 4, 3)
 
 
@@ -182,12 +159,6 @@ def _derivative(beside: Array, middle: Array, turn: float) -> Array:
     for other in ((c - b) / (2.0 * turn), (4.0 * c - 3.0 * m - d) / (2.0 * turn), (3.0 * m - 4.0 * b + a) / (2.0 * turn)):
         found = np.where(np.isnan(found), other, found)
     return found
-
-
-@lru_cache(maxsize=8)
-def _interpolated(view: View) -> View:
-    return replace(view, reflector=replace(view.reflector, normals="interpolated"))
-
 
 
 def _determinant(matrix: Array) -> Array:

@@ -17,7 +17,7 @@ from raytrace.scene.bodies import Body
 from raytrace.scene.daylight import Daylight
 from raytrace.scene.materials import Palette, diffuse_colours
 from raytrace.scene.road import Road
-from raytrace.scene.shading import MIN_SLOPES, MIRRORED_SLOPES, Light, Mesh, Places
+from raytrace.scene.shading import MIN_SLOPES, MIRRORED_SLOPES, Light, Mesh, SurfaceInteraction
 from raytrace.scene.woods import Woods
 
 Array = NDArray[np.float64]
@@ -147,7 +147,7 @@ class LitWorld:
         """Radiance into `out`; `first`: rays that see the sun's disc and what smooth bodies mirror; mirrored ones do not."""
         n = len(directions)
         hits = self.scene.first_hits(origins, directions)
-        found = Places.empty(n)
+        found = SurfaceInteraction.empty(n)
         on_ground, met = shading.places(origins, directions, spread, radius, *hits, self._mesh, self._light.sun,
                                         self.road is not None, self._lift, found)
         found = found.rows(slice(0, met))
@@ -160,7 +160,8 @@ class LitWorld:
             nearest[found.ray] = found.distance
             self._edge_of(self.woods.met(origins, directions, spread, radius, nearest, self._light.sun), directions, out)
 
-    def _shade(self, found: Places, on_ground: int, directions: Array, spread: Array, first: bool, out: Array) -> None:
+    def _shade(self, found: SurfaceInteraction, on_ground: int, directions: Array, spread: Array, first: bool,
+               out: Array) -> None:
         """Light from the places that rays meet."""
         met = len(found.ray)
         diffuse = np.empty((met, 3))
@@ -180,7 +181,7 @@ class LitWorld:
         shading.shade(found, directions, diffuse, self._lit(found), on_ground, self._palette.specular, self._palette.roughness,
                       bounce, image, traced, self._light, MIN_SLOPES if first else MIRRORED_SLOPES, out)
 
-    def _edge_of(self, met: tuple[Places, Array, Array], directions: Array, out: Array) -> None:
+    def _edge_of(self, met: tuple[SurfaceInteraction, Array, Array], directions: Array, out: Array) -> None:
         """Lay the woods' edge over what the rays see."""
         found, share, diffuse = met
         rows = found.ray
@@ -193,7 +194,7 @@ class LitWorld:
                       none, none, np.empty(0, dtype=np.bool_), self._light, MIN_SLOPES, shown)
         out[rows] += share[:, None] * (shown - out[rows])
 
-    def _mirror(self, body: Places, spread: Array, bounce: Array, image: Array, traced: NDArray[np.bool_]) -> None:
+    def _mirror(self, body: SurfaceInteraction, spread: Array, bounce: Array, image: Array, traced: NDArray[np.bool_]) -> None:
         """What smooth surfaces show of the bodies and the road."""
         rough = self._palette.roughness[body.material]
         rows = np.flatnonzero((rough < SMOOTH) & (self._palette.specular[body.material].max(axis=1) > 0.0))
@@ -203,7 +204,7 @@ class LitWorld:
         self._trace(body.start[rows], bounce[rows], spread[body.ray[rows]] + rough[rows] ** 2, body.radius[rows], False, shown)
         image[rows], traced[rows] = shown, True
 
-    def _lit(self, found: Places) -> NDArray[np.bool_]:
+    def _lit(self, found: SurfaceInteraction) -> NDArray[np.bool_]:
         """Which places the sun's disc is seen from."""
         lit = found.to_sun > 0.0
         if not self._light.sun_irradiance.any():

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from raytrace.trace import Trace
+from raytrace.rays import Trace
 from raytrace.viewing.pose import Pose
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
-from raytrace.trace import Trace
+from raytrace.rays import Trace
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]

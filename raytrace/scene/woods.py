@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
-from raytrace.scene.shading import Places
+from raytrace.scene.shading import SurfaceInteraction
 
 Array = NDArray[np.float64]
 
@@ -35,9 +35,10 @@ class Woods:
             raise SceneError(f"woods need a distance and a height above 0, not {self.distance_mm} and {self.height_mm} mm")
 
     def met(self, origins: Array, directions: Array, spread: Array, radius: Array, nearest: Array, sun: Array,
-            ) -> tuple[Places, Array, Array]:
-        """Places on the edges that rays meet before `nearest` (n,), the share of each ray that they hide, and reflectance."""
-        places, share, diffuse = Places.empty(len(directions)), np.empty(len(directions)), np.empty((len(directions), 3))
+            ) -> tuple[SurfaceInteraction, Array, Array]:
+        """Points of the edges that rays meet before `nearest` (n,), the share of each ray that they hide, and reflectance."""
+        n = len(directions)
+        places, share, diffuse = SurfaceInteraction.empty(n), np.empty(n), np.empty((n, 3))
         k = _met(origins, directions, spread, radius, nearest, self.distance_mm, self.height_mm, sun, places, share, diffuse)
         return places.rows(slice(0, k)), share[:k], diffuse[:k]
 
@@ -76,7 +77,7 @@ def _skyline(x: float, half: float, side: float, square: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _met(origins: Array, directions: Array, spread: Array, radius: Array, nearest: Array, distance: float, height: float,
-         sun: Array, out: Places, share: Array, diffuse: Array) -> int:
+         sun: Array, out: SurfaceInteraction, share: Array, diffuse: Array) -> int:
     one = origins.shape[0] == 1
     k = 0
     for n in range(directions.shape[0]):

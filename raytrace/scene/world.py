@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from raytrace.embree import TriangleScene
 from raytrace.errors import SceneError
+from raytrace.rays import Trace
 from raytrace.scene.reference import BACKGROUND, Picture, rounded
-from raytrace.trace import Trace
 
 Array = NDArray[np.float64]
 

@@ -1,25 +1,30 @@
-"""A plate that reflects from its back and rays in, how light leaves the plate after two refractions and a reflection out."""
+"""A plate of glass that reflects from its back: rays are refracted in, reflected and refracted out again."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
-from raytrace.reflector import Reflector, TrimmedSurface
-from raytrace.surfaces.quadric import TrimmedQuadric
-from raytrace.trace import Status, Trace, reflect
+from raytrace.rays import Index, Rays, Status, Trace
+from raytrace.surfaces.base import Box, OpticalSurface, no_inset
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.faces import Face
+from raytrace.surfaces.rim import Curve
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Face = TrimmedSurface | TrimmedQuadric
 
 # Rays inside the glass are started this far before the face they leave, as a share of the faces' size: what they meet is
 # found on a coarse mesh first, whose chords may lie behind the start where the glass is thin.
 RUN_UP = 0.01
+MAX_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
+# The path is found when a step moves its place on the front by less: rounding of coordinates of some 100 mm.
+STEP_MM = 1e-11
 
 
 def refract(directions: Array, normals: Array, eta: float) -> tuple[Array, Flags]:
@@ -40,55 +45,155 @@ def refract(directions: Array, normals: Array, eta: float) -> tuple[Array, Flags
     return eta * directions + turned[:, None] * normals, total
 
 
-def trace_through(front: Face, back: Face, index: float, origins: ArrayLike, directions: ArrayLike, out: Trace | None = None,
-                  ) -> Trace:
-    """Trace rays into a plate by its front, to its reflecting back, and out by the front, on the surfaces themselves.
+@dataclass(frozen=True, eq=False)
+class Plate(OpticalSurface):
+    """Two faces with glass between them, of which the back reflects.
 
     front : its outward side is that of the air.   back : its outward side is that of the glass.   index : of the glass
-    against air.   origins, directions, out : as for `reflect`; one eye may be (1, 3).
-    Returns a Trace of the ray that leaves: `points` where it leaves the front and `directions` after that; `normals` are
-    those of the back where it reflects, towards the glass; `distances` run along the incoming ray to the front.
-    Status: MISSED and BEHIND as on the front; BLOCKED where a ray that got in meets no reflecting part of the back, leaves
-    elsewhere than by the front (the sides are black), or is totally reflected there. A ray that leaves by one side and
-    comes in again by another counts as one that stayed inside.
-    Raises: TraceError for an index below 1, and for arrays of other shapes.
+    against air, 1 or more.
+    Raises: TraceError for an index below 1.
     """
-    if not 1.0 <= index < np.inf:
-        raise TraceError(f"an index of {index:g} is no glass in air: it must be 1 or more")
-    way_in, mirror, way_out = _faces(front, back)
-    eye = np.asarray(origins)
-    entry = reflect(way_in, eye[0] if eye.shape == (1, 3) else eye, directions, out)
-    rays = np.asarray(directions, dtype=np.float64)
-    inside = np.flatnonzero(entry.status == Status.REFLECTED)
-    rays = rays[inside] / np.linalg.norm(rays[inside], axis=1, keepdims=True)
-    down, _ = refract(rays, entry.normals[inside], 1.0 / index)
-    turning = _from_before(mirror, entry.points[inside], down)
-    inside = _still(entry, inside, turning.status)
-    met = turning.status == Status.REFLECTED
-    leaving = _from_before(way_out, turning.points[met], turning.directions[met])
-    after, total = refract(turning.directions[met], leaving.normals, index)
-    status = np.where(total, np.int8(Status.BLOCKED), leaving.status)
-    entry.points[inside], entry.normals[inside], entry.directions[inside] = leaving.points, turning.normals[met], after
-    _still(entry, inside, status)
-    return entry
+
+    front: Face
+    back: Face
+    index: float
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.index < np.inf:
+            raise TraceError(f"an index of {self.index:g} is no glass in air: it must be 1 or more")
+
+    def first_hits(self, rays: Rays, out: Trace) -> None:
+        """Into the plate by its front, to its reflecting back, and out by the front, on the surfaces themselves.
+
+        Of the ray that leaves: `points` where it leaves the front and `directions` after that; `normals` are those of the
+        back where it reflects, towards the glass; `distances` run along the incoming ray to the front.
+        Status: MISSED and BEHIND as on the front; BLOCKED where a ray that got in meets no reflecting part of the back,
+        leaves elsewhere than by the front (the sides are black), or is totally reflected there. A ray that leaves by one
+        side and comes in again by another counts as one that stayed inside.
+        """
+        self.front.first_hits(rays, out)
+        inside = np.flatnonzero(out.status == Status.REFLECTED)
+        units = rays.directions[inside] / np.linalg.norm(rays.directions[inside], axis=1, keepdims=True)
+        down, _ = refract(units, out.normals[inside], 1.0 / self.index)
+        turning = _from_before(self.back, out.points[inside], down)
+        inside = _still(out, inside, turning.status)
+        met = turning.status == Status.REFLECTED
+        leaving = _from_before(self._front_from_inside, turning.points[met], turning.directions[met])
+        after, total = refract(turning.directions[met], leaving.normals, self.index)
+        status = np.where(total, np.int8(Status.BLOCKED), leaving.status)
+        out.points[inside], out.normals[inside], out.directions[inside] = leaving.points, turning.normals[met], after
+        _still(out, inside, status)
+
+    @cached_property
+    def _front_from_inside(self) -> Face:
+        return replace(self.front, one_sided=False)
+
+    def outline(self) -> Array:
+        """Of the back, which reflects."""
+        return self.back.outline()
+
+    @property
+    def rim(self) -> tuple[Curve, ...]:
+        return self.back.rim
+
+    @property
+    def extends(self) -> bool:
+        return True
+
+    @property
+    def edge_inset(self) -> float:
+        """None: rays are found by where they are reflected, on sheets that go on."""
+        return 0.0
+
+    @property
+    def domain(self) -> Box:
+        return self.back.domain
+
+    def is_above(self, points: Array, margin_mm: float) -> bool:
+        return self.back.is_above(points, margin_mm)
+
+    def untrimmed(self) -> Plate:
+        """The whole of both sheets."""
+        return self._untrimmed
+
+    @cached_property
+    def _untrimmed(self) -> Plate:
+        return replace(self, front=self.front.untrimmed(), back=self.back.untrimmed())
+
+    def uncoated(self) -> Face:
+        return self.back
+
+    def inset(self, margin_mm: float) -> Plate:
+        if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace)):
+            raise no_inset(margin_mm)
+        back = self.back.inset(margin_mm)
+        return replace(self, front=replace(self.front, loops=back.loops), back=back)  # both on the parameters of the back
+
+    def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Points (n, 3) of the front and its unit normals towards the air, at its parameters (n,). Raises: TraceError for a
+        front that is no B-spline."""
+        if not isinstance(self.front, BSplineFace):
+            raise TraceError("the plate's front is no B-spline: its ghost is not measured")
+        d = self.front.surface.derivatives(u, v)
+        return d["s"], self.front.sign * normals(d["u"], d["v"])
+
+    def prepared(self) -> Plate:
+        self.front.prepared(), self.back.prepared()
+        return self
+
+    def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
+        """Directions (n, 3), of any length, from the eye to where the front lets rays in that are reflected at (x, y).
+
+        By Fermat's principle: with P the place on the back and F(u, v) on the front, n·|F − P| + |F − eye| is stationary in
+        (u, v); Newton on its two derivatives, from the place right above. NaN where no such place is on the front's sheet,
+        and for faces that are no B-splines over (x, y).
+        """
+        if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace) and self.back.is_graph):
+            return np.full((len(x), 3), np.nan)
+        front, (x_min, x_max, y_min, y_max) = self.front.surface, self.domain
+        known = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
+        x, y = np.where(known, x, x_min), np.where(known, y, y_min)
+        place = self.back.surface.evaluate(x, y)
+        u_min, u_max, v_min, v_max = front.domain
+        u, v = np.array(x, dtype=np.float64), np.array(y, dtype=np.float64)
+        size = np.full(u.shape, np.inf)
+        for _ in range(MAX_STEPS):
+            d = front.derivatives(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
+            pull = np.zeros_like(d["s"])
+            bend = np.zeros((*u.shape, 3, 3))
+            for end, index in ((place, self.index), (eye, 1.0)):
+                along = d["s"] - end
+                length = np.linalg.norm(along, axis=-1)[..., None]
+                along /= length
+                pull += index * along
+                bend += index * (np.eye(3) - along[..., :, None] * along[..., None, :]) / length[..., None]
+            g_u, g_v = (np.einsum("...i,...i->...", pull, d[key]) for key in ("u", "v"))
+            h_uu, h_uv, h_vv = (np.einsum("...i,...ij,...j->...", d[a], bend, d[b])
+                                + np.einsum("...i,...i->...", pull, d[a + b])
+                                for a, b in ("uu", "uv", "vv"))
+            determinant = h_uu * h_vv - h_uv * h_uv
+            step_u, step_v = (h_vv * g_u - h_uv * g_v) / determinant, (h_uu * g_v - h_uv * g_u) / determinant
+            u, v = u - step_u, v - step_v
+            size = np.hypot(step_u, step_v)
+            if (size <= STEP_MM).all():
+                break
+        found = (size <= STEP_MM) & (u >= u_min) & (u <= u_max) & (v >= v_min) & (v <= v_max)
+        ends = front.evaluate(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
+        return np.where((found & known)[:, None], ends - eye, np.nan)
 
 
-def _still(trace: Trace, index: NDArray[np.intp], status: NDArray[np.int8]) -> NDArray[np.intp]:
+def _still(trace: Trace, index: Index, status: NDArray[np.int8]) -> Index:
     """Those of the rays that go on; the others are blocked, but for those that Newton lost."""
     off = status != Status.REFLECTED
     ended = index[off]
     trace.status[ended] = np.where(status[off] == Status.LOST, Status.LOST, Status.BLOCKED)
-    trace.drop(ended)
+    trace.invalidate(ended)
     return index[~off]
 
 
-def _from_before(reflector: Reflector, points: Array, directions: Array) -> Trace:
-    outline = reflector.outline()
+def _from_before(face: Face, points: Array, directions: Array) -> Trace:
+    outline = face.outline()
     run_up = RUN_UP * float(np.linalg.norm(outline.max(axis=0) - outline.min(axis=0)))
-    return reflect(reflector, points - run_up * directions, directions)
-
-
-@lru_cache(maxsize=8)
-def _faces(front: Face, back: Face) -> tuple[Reflector, Reflector, Reflector]:
-    """Front from the air, back, and front from either side, each with the start meshes that it makes once."""
-    return tuple(Reflector((face,)) for face in (front, back, replace(front, one_sided=False)))  # type: ignore[return-value]
+    found = Trace.empty(len(points))
+    face.first_hits(Rays(points - run_up * directions, np.ascontiguousarray(directions)), found)
+    return found

@@ -1,4 +1,4 @@
-"""Rays and a trimmed plane, sphere or cylinder in, where each ray meets it in closed form out."""
+"""A plane, sphere or cylinder face: rays are met in closed form."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.surfaces.quadric import Quadric
 from raytrace.kernels import newton
+from raytrace.parallel import parallel_for
+from raytrace.rays import Mask, Rays, Trace
+from raytrace.surfaces.base import BoundedFace
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import STRIPS, Trimming
 
@@ -28,7 +31,7 @@ REFLECTED, MISSED, BEHIND, INVALID, NEAREST_MM = newton.HIT, newton.OUTSIDE, new
 
 
 @dataclass(frozen=True, eq=False)
-class TrimmedQuadric:
+class QuadricFace(BoundedFace):
     """A quadric inside trimming loops (closed polygons in its (u, v), even-odd), S_u × S_v times `sign` outward.
 
     one_sided : whether only the outward side reflects.
@@ -62,13 +65,17 @@ class TrimmedQuadric:
                                    [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
             x, y, z = quadric.axes @ ways.T
             u, v = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
-            inside = [_on_face(SPHERE, *self.trimming.arguments, self.trimming.sure, *self.trimming.box[:2], *place)
+            inside = [_on_face(SPHERE, *self.trimming.arguments, self.trimming.interior_spans, *self.trimming.box[:2], *place)
                       for place in zip(u, v, strict=True)]
             points.append(quadric.centre + quadric.radius_mm * ways[inside])
         return np.concatenate(points)
 
-    def untrimmed(self) -> TrimmedQuadric:
+    def untrimmed(self) -> QuadricFace:
         """A part of the same quadric that reaches farther than its loops by half of their size, on every side."""
+        return self._untrimmed
+
+    @cached_property
+    def _untrimmed(self) -> QuadricFace:
         u_min, u_max, v_min, v_max = self.trimming.box
         more_u, more_v = 0.5 * (u_max - u_min), 0.5 * (v_max - v_min)
         low, high, bottom, top = u_min - more_u, u_max + more_u, v_min - more_v, v_max + more_v
@@ -83,6 +90,22 @@ class TrimmedQuadric:
         """1 or −1: whether the outer side is the quadric's own."""
         return self.sign * float(np.sign(np.linalg.det(self.quadric.axes)))
 
+    # --- what is asked of any optical surface -------------------------------------------------------------------------
+
+    @property
+    def parameter_limits(self) -> tuple[Array, Array]:
+        """None: a quadric has no ends of its own."""
+        return np.full(2, -np.inf), np.full(2, np.inf)
+
+    def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Points (…, 3), mm, at its parameters."""
+        return self.quadric.evaluate(u, v)
+
+    def first_hits(self, rays: Rays, out: Trace) -> None:
+        first_of_quadrics((self,), rays, out)
+
+    # --- tracing ------------------------------------------------------------------------------------------------------
+
     def meet(self, first: bool, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8], points: Array,
              normals: Array, reflected: Array, distances: Array) -> None:
         """Trace a run of n rays to where they first meet it inside its loops; results are those of `raytrace.reflect`.
@@ -92,19 +115,36 @@ class TrimmedQuadric:
         """
         quadric = self.quadric
         _meet(KINDS[quadric.kind], quadric.radius_mm, quadric.centre, quadric.axes, self._outward, self.one_sided,
-              *self.trimming.arguments, self.trimming.sure, *self.trimming.box[:2], first, origins, units, valid, status,
-              points, normals, reflected, distances)
+              *self.trimming.arguments, self.trimming.interior_spans, *self.trimming.box[:2], first, origins, units, valid,
+              status, points, normals, reflected, distances)
+
+
+def first_of_quadrics(faces: tuple[QuadricFace, ...], rays: Rays, out: Trace) -> None:
+    """What rays meet first of some quadrics; results are new."""
+    origins, directions = rays.origins.ravel(), rays.directions
+    finite: Mask = np.asarray(np.isfinite(rays.origins).all(axis=1))
+    points, normals, reflected = out.points.ravel(), out.normals.ravel(), out.directions.ravel()
+
+    def work(i: int, j: int) -> None:
+        units, valid, three = np.empty((j - i, 3)), np.empty(j - i, dtype=np.bool_), slice(3 * i, 3 * j)
+        newton.unit_directions(directions[i:j], units, valid)
+        valid &= finite if len(finite) == 1 else finite[i:j]
+        for number, face in enumerate(faces):
+            face.meet(number == 0, origins if origins.size == 3 else origins[three], units.ravel(), valid, out.status[i:j],
+                      points[three], normals[three], reflected[three], out.distances[i:j])
+
+    parallel_for(work, len(rays))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
-def _within(first, edges, low, inverse_height, sure, u, v):  # type: ignore[no-untyped-def]
+def _within(first, edges, low, inverse_height, interior, u, v):  # type: ignore[no-untyped-def]
     """Even-odd rule on the trimming polygon, as `newton._inside`, whose changes a cached kernel here would not notice."""
     if not low <= v <= low + (first.size - 1) / inverse_height:
         return False
     strip = int((v - low) * inverse_height)
     if strip >= first.size - 1:
         return False
-    if sure[strip, 0] < u < sure[strip, 1]:
+    if interior[strip, 0] < u < interior[strip, 1]:
         return True
     inside = False
     for k in range(first[strip], first[strip + 1]):
@@ -115,10 +155,10 @@ def _within(first, edges, low, inverse_height, sure, u, v):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
-def _on_face(kind, first, edges, low, inverse_height, sure, u_low, u_high, u, v):  # type: ignore[no-untyped-def]
+def _on_face(kind, first, edges, low, inverse_height, interior, u_low, u_high, u, v):  # type: ignore[no-untyped-def]
     """Whether a place lies inside the loops, whose u may run over several turns."""
     if kind == PLANE:
-        return _within(first, edges, low, inverse_height, sure, u, v)
+        return _within(first, edges, low, inverse_height, interior, u, v)
     u = u_low + (u - u_low) % TURN
     # A seam is no edge, nor is a pole: what lies beside it is judged by what lies a little farther beside.
     if u_high - u_low >= TURN - SEAM:
@@ -126,7 +166,7 @@ def _on_face(kind, first, edges, low, inverse_height, sure, u_low, u_high, u, v)
     if kind == SPHERE:
         v = min(max(v, -0.5 * np.pi + SEAM), 0.5 * np.pi - SEAM)
     while u <= u_high:
-        if _within(first, edges, low, inverse_height, sure, u, v):
+        if _within(first, edges, low, inverse_height, interior, u, v):
             return True
         u += TURN
     return False
@@ -156,9 +196,9 @@ def _roots(kind, radius, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def _meet(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low, inverse_height, sure, u_low,  # type: ignore[no-untyped-def]
+def _meet(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low, inverse_height, interior, u_low,  # type: ignore[no-untyped-def]
           u_high, first, origins, units, valid, status, points, normals, reflected, distances):
-    """`TrimmedQuadric.meet`; outward : 1 or −1, whether the quadric's own outer side is that of the face."""
+    """`QuadricFace.meet`; outward : 1 or −1, whether the quadric's own outer side is that of the face."""
     x_x, x_y, x_z = axes[0, 0], axes[0, 1], axes[0, 2]
     y_x, y_y, y_z = axes[1, 0], axes[1, 1], axes[1, 2]
     z_x, z_y, z_z = axes[2, 0], axes[2, 1], axes[2, 2]
@@ -195,7 +235,7 @@ def _meet(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low
                 mx, my, mz = qx / length, qy / length, 0.0
                 u, v = np.arctan2(qy, qx), qz
                 qx, qy = radius * mx, radius * my
-            if not _on_face(kind, first_edge, edges, low, inverse_height, sure, u_low, u_high, u, v):
+            if not _on_face(kind, first_edge, edges, low, inverse_height, interior, u_low, u_high, u, v):
                 continue
             distances[n] = t
             nx, ny, nz = x_x * mx + y_x * my + z_x * mz, x_y * mx + y_y * my + z_y * mz, x_z * mx + y_z * my + z_z * mz

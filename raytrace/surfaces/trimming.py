@@ -20,14 +20,14 @@ class Trimming:
     """Closed polygons with their edges sorted into strips of v: inside is where an odd number of edges lies to the right.
 
     first (strips + 1,) : the first edge of each strip.   edges (m, 4) : u0, v0, u1, v1.   low, inverse_height : the
-    strips' start and 1/height.   sure (strips, 2) : an interval of u that lies inside all over its strip.
+    strips' start and 1/height.   interior_spans (strips, 2) : an interval of u that lies inside all over its strip.
     """
 
     first: NDArray[np.int64]
     edges: Array
     low: float
     inverse_height: float
-    sure: Array
+    interior_spans: Array
     box: Box
 
     @staticmethod
@@ -44,14 +44,14 @@ class Trimming:
         strip = np.repeat(start, counts) + np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         order = np.argsort(strip, kind="stable")
         first = np.concatenate([[0], np.cumsum(np.bincount(strip, minlength=strips))])
-        sorted_edges, sure = np.ascontiguousarray(edges[owner[order]]), np.empty((strips, 2))
-        newton.sure_parts(first, sorted_edges, low, inverse, sure)
-        return Trimming(first, sorted_edges, low, inverse, sure,
+        sorted_edges, spans = np.ascontiguousarray(edges[owner[order]]), np.empty((strips, 2))
+        newton.interior_spans(first, sorted_edges, low, inverse, spans)
+        return Trimming(first, sorted_edges, low, inverse, spans,
                         (float(edges[:, 0].min()), float(edges[:, 0].max()), low, high))
 
     @property
     def arguments(self) -> tuple[NDArray[np.int64], Array, float, float]:
-        """What the kernels take, without `sure`."""
+        """What the kernels take, without `interior_spans`."""
         return self.first, self.edges, self.low, self.inverse_height
 
     def contains(self, u: Array, v: Array) -> NDArray[np.bool_]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
+from raytrace.rays import Status
 from raytrace.reflector import Reflector
-from raytrace.trace import Status, reflect
+from raytrace.trace import reflect
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import box_of
 
@@ -58,7 +59,7 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
     """
     x_min, x_max, y_min, y_max = box_of(reflector)
     y = y_min + wanted.horizon * (y_max - y_min)
-    places = surface_points(reflector, np.array([x_max - wanted.flank * (x_max - x_min), 0.5 * (x_min + x_max)]),
+    places = reflector.surface.points_over(np.array([x_max - wanted.flank * (x_max - x_min), 0.5 * (x_min + x_max)]),
                             np.array([y, y]))
     if not np.isfinite(places).all():
         raise TraceError(f"aim: the mirror has no surface at x = {x_max - wanted.flank * (x_max - x_min):.1f} or "
@@ -68,7 +69,7 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
 
     def off(turn: Array) -> Array:
         turned = replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
-        beside, rise = _past_edge_and_rise(reflector.sheet, turned, eye, edge, places)
+        beside, rise = _past_edge_and_rise(reflector.untrimmed, turned, eye, edge, places)
         return np.array([beside[0], rise[1]])
 
     turn = _straight_back(reflector, pose, eye, places[1])
@@ -110,23 +111,12 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
     x_min, x_max, y_min, y_max = box_of(reflector)
 
     def at(x: Array | float, y: Array | float) -> tuple[Array, Array]:
-        places = surface_points(reflector, *np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
-        return _past_edge_and_rise(reflector.sheet, pose, eye, edge, places)
+        places = reflector.surface.points_over(*np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
+        return _past_edge_and_rise(reflector.untrimmed, pose, eye, edge, places)
 
     row = _root(lambda y: at(0.5 * (x_min + x_max), y)[1], y_min, y_max)
     column = _root(lambda x: at(x, row)[0], x_min, x_max)
     return Aim((x_max - column) / (x_max - x_min), (row - y_min) / (y_max - y_min))
-
-
-def surface_points(reflector: Reflector, x: Array, y: Array) -> Array:
-    """Points (n, 3) of what reflects at (x, y), in mirror coordinates, without glass before it; NaN where it has none. Of a
-    single face those of its whole sheet."""
-    outline = reflector.outline()
-    # From above all that reflects: facets and bulges are higher than the outline by less than its size.
-    above = outline[:, 2].max() + np.linalg.norm(outline.max(axis=0) - outline.min(axis=0))
-    down = np.zeros((len(x), 3))
-    down[:, 2] = -1.0
-    return reflect(reflector.uncoated, np.stack([x, y, np.full(len(x), above)], axis=1), down).points
 
 
 def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
@@ -145,7 +135,7 @@ def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge
 
 def _straight_back(reflector: Reflector, pose: Pose, eye: Array, place: Array) -> Array:
     """Yaw and pitch, about, at which the normal at a point (3,) of the surface halves the angle from the eye to rearward."""
-    normal = reflect(reflector.uncoated, place + np.array([0.0, 0.0, 10.0]), np.array([[0.0, 0.0, -1.0]])).normals[0]
+    normal = reflect(reflector.uncoated.untrimmed, place + np.array([0.0, 0.0, 10.0]), np.array([[0.0, 0.0, -1.0]])).normals[0]
     if not np.isfinite(normal).all():
         normal = np.array([0.0, 0.0, 1.0])
     to_eye = eye - replace(pose, yaw=0.0, pitch=0.0).to_vehicle(place)

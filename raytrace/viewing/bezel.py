@@ -6,44 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial import ConvexHull
 
 from mirror_cad.mesh import SurfaceMesh
-from raytrace.errors import TraceError
-from raytrace.reflector import Reflector, TrimmedSurface
+from raytrace.reflector import Reflector
+from raytrace.surfaces.inset import outward_normals, resampled
 
 Array = NDArray[np.float64]
 
 RIM_MM, PROUD_MM = 13.0, 4.0  # the housing's rim: how wide, and how far before the glass
 DEPTH_MM, NARROWER = 75.0, 0.72  # the housing behind it: how deep, and how wide its back is beside its front
 RIM_STEPS, SHELL_STEPS = 6, 8
-AROUND = 256  # vertices around the housing
-SPACING_MM = 0.05  # of the outline's points while it is moved inwards: the corners of what is left are right to this
 NEAR = 5e-3  # of the mirror's size: what is one edge in plan
-ON_TIME = 1e-6  # mm: a point that was moved by the margin is that far from the outline, up to rounding
 
 
 def visible_aperture(reflector: Reflector, over_mm: float) -> Reflector:
     """The reflector as far as a bezel leaves it to see that reaches `over_mm` over its edge, all around, in (x, y).
 
-    The outline is moved inwards: its points along their normals, less those that come nearer to another part of it.
     Raises: TraceError where the bezel covers all, or for a reflector whose outline is not in (x, y).
     """
-    if over_mm == 0.0:
-        return reflector
-    only = reflector.only
-    if only is None or only.height_field is None or len(only.loops) != 1:
-        raise TraceError(f"a bezel over {over_mm:g} mm of the edge needs a mirror that is one B-spline with u = x, v = y and "
-                         "one outline, as this program makes them: leave bezel_over_m at 0 for this file")
-    dense = _resampled(only.loops[0], SPACING_MM)
-    inner = _moved_inwards(dense, over_mm)
-    if len(inner) < 3:
-        raise TraceError(f"a bezel over {over_mm:g} mm of the edge leaves nothing of the mirror to see")
-    cut = replace(only, loops=(inner,))
-    glass = reflector.glass
-    if glass is not None and isinstance(glass.front, TrimmedSurface):
-        glass = replace(glass, front=replace(glass.front, loops=(inner,)))
-    return replace(reflector, surfaces=(cut,), glass=glass)
+    return reflector if over_mm == 0.0 else replace(reflector, surface=reflector.surface.inset(over_mm))
 
 
 def housing(reflector: Reflector) -> SurfaceMesh:
@@ -53,7 +35,7 @@ def housing(reflector: Reflector) -> SurfaceMesh:
     """
     edge = _edge(reflector)
     centre = edge.mean(axis=0)
-    outward = _outward(edge[:, :2])
+    outward = outward_normals(edge[:, :2])
     rings = []
     for step in np.linspace(0.0, 1.0, RIM_STEPS + 1):  # over the rim: a half ellipse from the glass to the outer side
         angle = np.pi * step
@@ -82,8 +64,8 @@ def edge_loop(reflector: Reflector) -> Array:
     """Points (n, 3) around what reflects: the rim of a single face where that is one curve around all of it, and else the hull
     in (x, y), as high as what reflects is beside it: of a solid, its front."""
     points = reflector.outline()
-    if len(reflector.surfaces) == 1 and len(reflector.surfaces[0].rim) == 1:
-        rim = reflector.surfaces[0].rim[0].points
+    if len(reflector.surface.rim) == 1:
+        rim = reflector.surface.rim[0].points
         if np.array_equal(np.ptp(rim[:, :2], axis=0), np.ptp(points[:, :2], axis=0)):
             return rim
     hull: Array = points[ConvexHull(points[:, :2]).vertices]
@@ -103,32 +85,4 @@ def _edge(reflector: Reflector) -> Array:
     x, y = points[:, 0], points[:, 1]
     if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
         points = points[::-1]
-    return _resampled(points, None)
-
-
-def _resampled(loop: Array, spacing: float | None) -> Array:
-    """Points on a closed polygon (n, d), evenly along it: every `spacing`, or AROUND of them."""
-    closed = np.concatenate([loop, loop[:1]])
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
-    count = AROUND if spacing is None else max(AROUND, int(np.ceil(along[-1] / spacing)))
-    at = np.linspace(0.0, along[-1], count, endpoint=False)
-    return np.stack([np.interp(at, along, closed[:, c]) for c in range(loop.shape[1])], axis=1)
-
-
-def _outward(loop: Array) -> Array:
-    """Unit normals (n, 2) of a closed, counter-clockwise polygon at its points."""
-    along = np.roll(loop, -1, axis=0) - np.roll(loop, 1, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    return np.stack([along[:, 1], -along[:, 0]], axis=1)
-
-
-def _moved_inwards(loop: Array, by: float) -> Array:
-    """The points of a closed polygon, moved inwards, that are no nearer to it than that; (m, 2)."""
-    x, y = loop[:, 0], loop[:, 1]
-    counter = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0.0
-    moved = loop - (by if counter else -by) * _outward(loop)
-    # The distance to the nearest points: that to the polygon is less by up to spacing²/(8·by).
-    nearest, _ = cKDTree(loop).query(moved)
-    step = float(np.linalg.norm(np.diff(loop, axis=0), axis=1).max())
-    kept: Array = moved[nearest >= by - 0.5 * step * step / by - ON_TIME]
-    return kept
+    return resampled(points, None)

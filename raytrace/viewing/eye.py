@@ -12,6 +12,8 @@ from raytrace.errors import TraceError
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
+EYE_DISTANCE_MM = 762.0  # from the centre of the mirror's surface: Lee et al. (2014), section 3.2
+
 
 def eye_position(distance_mm: float, aligned: str, box: Box) -> Array:
     """The eye at the stated distance from the centre of the mirror surface (the origin), in the plane y = 0, over the

@@ -53,6 +53,16 @@ class Pose:
         fixed = self.centre + STRAIGHT @ self.pivot
         return (SIDEWAYS @ fixed if self.hand == "right" else fixed) - self.rotation @ self.pivot
 
+    @cached_property
+    def up(self) -> Array:
+        """Which way is up in the coordinates that it leads to, (3,)."""
+        return np.array([0.0, 0.0, 1.0])
+
+    @staticmethod
+    def identity() -> Pose:
+        """The mirror in its own coordinates, as the paper has it: x right, y up, z towards the driver."""
+        return _Identity(np.zeros(3), np.zeros(3))
+
     def to_vehicle(self, points: Array) -> Array:
         """Points (…, 3) of the mirror in vehicle coordinates."""
         return points @ self.rotation.T + self.offset
@@ -68,3 +78,19 @@ class Pose:
     def directions_to_mirror(self, directions: Array) -> Array:
         """Directions (…, 3) in the vehicle's coordinates, in the mirror's."""
         return directions @ self.rotation
+
+
+class _Identity(Pose):
+    """Mirror coordinates as they are."""
+
+    @cached_property
+    def rotation(self) -> Array:
+        return np.eye(3)
+
+    @cached_property
+    def offset(self) -> Array:
+        return np.zeros(3)
+
+    @cached_property
+    def up(self) -> Array:
+        return np.array([0.0, 1.0, 0.0])

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import TraceError
+from raytrace.rays import Status
 from raytrace.reflector import Reflector
-from raytrace.trace import Status, reflect
+from raytrace.surfaces.base import Box, box_of_points
+from raytrace.trace import reflect
+from raytrace.viewing.eye import EYE_DISTANCE_MM, eye_position
 from raytrace.viewing.pose import Pose
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Box = tuple[float, float, float, float]
 
 # Newton is done when the reflected ray passes its target by less: far above rounding, and 2e-5″.
 PASSES_BY = 1e-10
@@ -31,31 +33,52 @@ EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedRays:
-    """What n rays from the ocular point meet. In vehicle coordinates, mm; rows of rays that are not reflected are NaN.
+    """What n rays from the ocular point meet. In the view's coordinates, mm; rows of rays that are not reflected are NaN.
 
-    seen (n,) : whether the mirror reflects the ray.   points, directions (n, 3) : where it leaves the mirror, and whither.
-    on_mirror (n, 3) : the same points in mirror coordinates.
+    status (n,) : what became of each ray, see `Status`.   points, directions (n, 3) : where it leaves the mirror, and in
+    which direction.   on_mirror (n, 3) : the same points in mirror coordinates.
     """
 
-    seen: Mask
+    status: NDArray[np.int8]
     points: Array
     directions: Array
     on_mirror: Array
 
+    @property
+    def seen(self) -> Mask:
+        """Whether the mirror reflects each ray, (n,)."""
+        result: Mask = self.status == Status.REFLECTED
+        return result
+
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A posed reflector and an ocular point `eye` (3,) in vehicle coordinates, mm.
+    """A reflector in its pose, seen from one ocular point.
 
     Places (…, 2) are those of the picture plane, the mirror's own z = 0, through which the eye's rays go, in mm.
-    Raises: TraceError for an eye that no place of the mirror faces.
+
+    Parameters
+    ----------
+    reflector : what is looked into.
+    pose : where it is, and how it is turned; without one it stays in its own coordinates, as in the paper.
+    eye : the ocular point (3,), mm, in the coordinates that the pose leads to; without one the paper's, 762 mm from the centre
+        of the mirror's surface, over its right edge.
+
+    Raises
+    ------
+    TraceError
+        For an eye that no point of the mirror faces.
     """
 
     reflector: Reflector
-    pose: Pose
-    eye: Array
+    pose: Pose = field(default_factory=Pose.identity)
+    eye: Array = None  # type: ignore[assignment]  # set by __post_init__ where none is given
 
     def __post_init__(self) -> None:
+        if self.eye is None:
+            object.__setattr__(self, "eye", self.pose.to_vehicle(eye_position(EYE_DISTANCE_MM, "right", self.box)))
+        else:
+            object.__setattr__(self, "eye", np.asarray(self.eye, dtype=np.float64))
         highest = float(self.reflector.outline()[:, 2].max())
         if not self.eye_in_mirror[2] > max(highest, 0.0) + EYE_CLEARANCE:
             x, y, z = self.eye_in_mirror
@@ -77,16 +100,31 @@ class View:
         return box_of(self.reflector)
 
     @cached_property
-    def whole(self) -> View:
+    def untrimmed(self) -> View:
         """The same view of the sheet that the mirror was cut from, where it is known, and with nothing before it."""
-        return replace(self, reflector=self.reflector.sheet)
+        return replace(self, reflector=self.reflector.untrimmed)
 
-    def trace(self, places: Array) -> TracedRays:
-        """What rays through places (n, 2) meet."""
+    @cached_property
+    def interpolated(self) -> View:
+        """The same view of the smooth surface that the mirror stands for: a facet by itself is flat and magnifies nothing."""
+        return replace(self, reflector=self.reflector.interpolated)
+
+    def trace(self, x: ArrayLike, y: ArrayLike) -> TracedRays:
+        """What the eye's rays through points of the picture plane z = 0 meet.
+
+        Parameters
+        ----------
+        x, y : mm, of any shapes that go together; the rays are numbered as their values are in memory.
+        """
+        at_x, at_y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        return self.trace_places(np.stack([at_x.ravel(), at_y.ravel()], axis=1))
+
+    def trace_places(self, places: Array) -> TracedRays:
+        """`trace` through places (n, 2)."""
         rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - self.eye_in_mirror
         trace = reflect(self.reflector, self.eye_in_mirror, rays)
-        return TracedRays(trace.status == Status.REFLECTED, self.pose.to_vehicle(trace.points),
-                     self.pose.directions_to_vehicle(trace.directions), trace.points)
+        return TracedRays(trace.status, self.pose.to_vehicle(trace.points),
+                          self.pose.directions_to_vehicle(trace.directions), trace.points)
 
     def towards(self, places: Array) -> Array:
         """Unit directions (…, 3) from the eye to places (…, 2), in vehicle coordinates: where things are seen."""
@@ -100,6 +138,11 @@ class View:
         result: Array = eye[:2] + (points[..., :2] - eye[:2]) * (eye[2] / (eye[2] - points[..., 2]))[..., None]
         return result
 
+    def places_over(self, x: Array, y: Array) -> Array:
+        """Places (n, 2) through which the eye looks at what reflects at (x, y), without glass before it; NaN where nothing
+        does, neither inside the outline nor on the sheet beyond."""
+        return self.places_of(self.reflector.surface.points_over(x, y))
+
     @cached_property
     def _starts(self) -> tuple[Array, TracedRays]:
         x_min, x_max, y_min, y_max = self.box
@@ -107,9 +150,9 @@ class View:
         x, y = np.meshgrid(np.linspace(x_min - more_x, x_max + more_x, START_GRID),
                            np.linspace(y_min - more_y, y_max + more_y, START_GRID))
         places = self.places_of(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1))
-        sight = self.whole.trace(places)
+        sight = self.untrimmed.trace_places(places)
         seen = sight.seen
-        return places[seen], TracedRays(seen[seen], sight.points[seen], sight.directions[seen], sight.on_mirror[seen])
+        return places[seen], TracedRays(sight.status[seen], sight.points[seen], sight.directions[seen], sight.on_mirror[seen])
 
     def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
         """Where the mirror shows points (n, 3) of the world, or directions (n, 3) of infinitely far ones.
@@ -135,7 +178,7 @@ class View:
         places[~found] = np.nan
         shown = np.zeros(len(targets), dtype=np.bool_)
         index = np.flatnonzero(found)
-        shown[index] = self.trace(places[index]).seen
+        shown[index] = self.trace_places(places[index]).seen
         return places, shown
 
     def _newton(self, places: Array, wanted: Array, at_infinity: bool) -> Mask:
@@ -173,7 +216,7 @@ class View:
 
     def _misses(self, places: Array, wanted: Array, at_infinity: bool) -> Array:
         """By what angles, about, the rays through places pass their targets: (n, 2), NaN where they are not reflected."""
-        sight = self.whole.trace(places)
+        sight = self.untrimmed.trace_places(places)
         towards = wanted if at_infinity else wanted - sight.points
         with np.errstate(invalid="ignore"):
             towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
@@ -197,8 +240,7 @@ def _slope(here: Array, after: Array, before: Array, step: float) -> Array:
 
 def box_of(reflector: Reflector) -> Box:
     """(x_min, x_max, y_min, y_max) of what reflects, mm."""
-    points = reflector.outline()
-    return (float(points[:, 0].min()), float(points[:, 0].max()), float(points[:, 1].min()), float(points[:, 1].max()))
+    return box_of_points(reflector.outline())
 
 
 def _alike(points: Array, first: TracedRays) -> Array:

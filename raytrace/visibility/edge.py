@@ -9,10 +9,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.reflector import Reflector, TrimmedSurface
-from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.rays import Status
+from raytrace.reflector import Reflector
+from raytrace.surfaces.base import BoundedFace
 from raytrace.surfaces.rim import AROUND, Evaluate
-from raytrace.trace import OBSTACLE_MARGIN_MM, Status, reflect
+from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import Mask, TracedRays, View
 
 Array = NDArray[np.float64]
@@ -20,7 +21,6 @@ Index = NDArray[np.intp]
 
 CORNER = 0.1  # radians between two pieces of a rim
 LEAST = 16  # vertices on the smallest curve
-WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
 SAME_PLACE_MM = 1e-6  # a ray to a vertex of the outline meets it, and not another part of the sheet before it
 GRID_SHAPE = (113, 149)  # places across and up, where the edge is not known and has to be looked for: some 2.5 mm apart
 BESIDE = 0.1  # of the width and height of what is known of the outline: where it bulges
@@ -59,7 +59,7 @@ class Edge:
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
         """Places (m, 2) of the edge at shares t (m,) of the way from vertex k to the next, and what the rays there do."""
         places = self.way(k, t)
-        sight = self.view.trace(places)
+        sight = self.view.trace_places(places)
         lost = ~(sight.seen if self.beyond else _shows(self.view, places, sight))
         if not lost.any():
             return places, sight
@@ -68,7 +68,8 @@ class Edge:
         points, directions = (one[k] + share * (one[after] - one[k]) for one in (self.points, self.directions))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         points = np.where(lost[:, None], points, sight.points)
-        return places, TracedRays(np.ones_like(lost), points, np.where(lost[:, None], directions, sight.directions),
+        return places, TracedRays(np.zeros(len(lost), dtype=np.int8), points,
+                                  np.where(lost[:, None], directions, sight.directions),
                              self.view.pose.to_mirror(points))
 
     def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
@@ -80,7 +81,7 @@ class Edge:
 
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
-        sight = self.view.trace(self.places.mean(axis=0)[None])
+        sight = self.view.trace_places(self.places.mean(axis=0)[None])
         mean: Array = self.directions.mean(axis=0)
         return sight.directions[0] if sight.seen[0] else mean
 
@@ -111,9 +112,9 @@ def edge_of(view: View) -> Edge:
     face = _shown_face(view)
     rim = None if face is None else _rim(face)
     if face is not None and rim is not None:
-        whole = replace(view, reflector=_alone(face).sheet)
+        whole = replace(view, reflector=_alone(face).untrimmed)
         places = view.places_of(rim.points)
-        sight = whole.trace(places)
+        sight = whole.trace_places(places)
         if sight.seen.all() and np.linalg.norm(sight.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
                 and not _stands_before(view, rim.points):
             return Edge(view, whole, True, True, places, sight.points, sight.directions, rim.following,
@@ -121,20 +122,21 @@ def edge_of(view: View) -> Edge:
     return visibility_contour(view)
 
 
-def _shown_face(view: View) -> TrimmedSurface | TrimmedQuadric | None:
+def _shown_face(view: View) -> BoundedFace | None:
     """The face that is all that the eye sees reflecting, with nothing before it; None where there is none."""
     reflector = view.reflector
-    if reflector.glass is not None or not reflector.surfaces:
+    faces = reflector.surface.bounding_faces
+    if not faces:
         return None
-    if len(reflector.surfaces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
-        return reflector.surfaces[0]
+    if len(faces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
+        return faces[0]
     places = _grid(view).reshape(-1, 2)
-    sight = view.trace(places)
+    sight = view.trace_places(places)
     shown = np.flatnonzero(_shows(view, places, sight))
     if shown.size == 0:
         return None
     rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - view.eye_in_mirror
-    for face in reflector.surfaces:
+    for face in faces:
         # One ray first: most of a solid's faces are not the one.
         for asked in (shown[:1], np.arange(len(places))):
             alone = reflect(_alone(face), view.eye_in_mirror, rays[asked])
@@ -149,9 +151,9 @@ def _shown_face(view: View) -> TrimmedSurface | TrimmedQuadric | None:
 
 
 @lru_cache(maxsize=8)
-def _alone(face: TrimmedSurface | TrimmedQuadric) -> Reflector:
+def _alone(face: BoundedFace) -> Reflector:
     """A face that nothing stands before, with the sheet and the start meshes that it makes once."""
-    return Reflector((face,))
+    return Reflector(face)
 
 
 def _stands_before(view: View, points: Array) -> bool:
@@ -188,17 +190,12 @@ class _Rim:
 
 
 @lru_cache(maxsize=8)
-def _rim(face: TrimmedSurface | TrimmedQuadric) -> _Rim | None:
+def _rim(face: BoundedFace) -> _Rim | None:
     """The rim of a face with vertices at its corners and AROUND others, evenly spread; None for a face without one."""
     if not face.rim:
         return None
-    if isinstance(face, TrimmedSurface):
-        evaluate: Evaluate = face.surface.evaluate
-        u_min, u_max, v_min, v_max = face.surface.domain
-        low, high = np.array([u_min, v_min]), np.array([u_max, v_max])
-        low, high = low + WITHIN * (high - low), high - WITHIN * (high - low)
-    else:
-        evaluate, low, high = face.quadric.evaluate, np.full(2, -np.inf), np.full(2, np.inf)
+    evaluate: Evaluate = face.evaluate
+    low, high = face.parameter_limits
     start, end = (np.clip(np.concatenate([getattr(curve, side) for curve in face.rim]), low, high) for side in ("start", "end"))
     step = sum(float(curve.lengths.sum()) for curve in face.rim) / AROUND
     first, count, following, pieces, vertices = [], [], [], 0, 0
@@ -245,9 +242,9 @@ def visibility_contour(view: View) -> Edge:
                         + share * (2.0 * share - 1.0) * places[after])
         return found
 
-    sight = view.trace(places)
-    one = len(view.reflector.surfaces) == 1
-    return Edge(view, view.whole if one else view, one, False, places, sight.points, sight.directions, following, way)
+    sight = view.trace_places(places)
+    beyond = view.reflector.surface.extends
+    return Edge(view, view.untrimmed if beyond else view, beyond, False, places, sight.points, sight.directions, following, way)
 
 
 def _middles(view: View, places: Array, following: Index) -> Array:
@@ -286,7 +283,7 @@ def _border(seen: Mask) -> tuple[Index, Index]:
 
 def _shows(view: View, places: Array, sight: TracedRays | None = None) -> Mask:
     """Whether places (m, 2) show a reflection, and not one from a rim: the mirror looks the way that its face is turned."""
-    sight = sight or view.trace(places)
+    sight = sight or view.trace_places(places)
     normal = sight.directions - view.towards(places)
     with np.errstate(invalid="ignore"):
         towards = view.pose.directions_to_mirror(normal)[:, 2] / np.linalg.norm(normal, axis=1)

@@ -142,20 +142,20 @@ class LineView:
         # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
         behind = np.minimum(stops[1:-1] + BEHIND, 0.5 * (stops[1:-1] + stops[2:]))
         places, _ = brought(self.edge.view, at, self.line.at(self.along(behind)))
-        shows = self.view.trace(places).seen
+        shows = self.view.trace_places(places).seen
         return np.concatenate([~shows[:1], shows])
 
     def hidden(self, own: HostVehicle, angle: Array) -> Array:
         """By how much the own vehicle hides the line's points at φ (n,): above 0 where it does."""
         places, _ = self.find(angle)
         along = np.minimum(self.along(angle), FAR_MM)
-        return hidden_by(own, self.edge.view.trace(places).points, self.line.at(along))
+        return hidden_by(own, self.edge.view.trace_places(places).points, self.line.at(along))
 
     def image(self, low: float, high: float, ends: tuple[End, End], known: tuple[Known, Known], samples: int) -> LineImage:
         """The part of the image between two φ, with what is known of its ends: their place and where on the mirror it is."""
         angle = np.linspace(low, high, samples)
         places, _ = self.find(angle)
-        sight = self.edge.view.trace(places)
+        sight = self.edge.view.trace_places(places)
         kept, on_mirror = sight.seen, sight.on_mirror
         for k, end in zip((0, -1), known, strict=True):
             if end is not None:
@@ -163,7 +163,8 @@ class LineView:
         return LineImage(self.along(angle)[kept], places[kept], self.view.towards(places[kept]), on_mirror[kept], ends)
 
 
-def line_images(view: View, line: StraightLine, own: HostVehicle | None = None, samples: int = SAMPLES) -> tuple[LineImage, ...]:
+def line_images(view: View, line: StraightLine, own: HostVehicle | None = None, samples: int = SAMPLES,
+                ) -> tuple[LineImage, ...]:
     """The parts of a line that the eye sees in the mirror and the own vehicle does not hide, the largest first.
 
     Each is sampled at places evenly spread over the picture, both ends among them. Ends at the edge and at what the vehicle

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.magnification import frame, mirror_grid, ray_differentials, smooth
+from raytrace.measures.magnification import frame, mirror_grid, ray_differentials
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
 
@@ -47,7 +47,7 @@ def orientation(view: View) -> Orientation:
     (`eye_fields`, `plan`) and by the inverse ray (`View.find`) does not hold for such a mirror.
     Looked at on a grid of 17 × 25 places, and at 128 of the edge. Not looked at is whether several faces show the same.
     """
-    view = smooth(view)
+    view = view.interpolated
     _, _, places = mirror_grid(view, COLUMNS, ROWS)
     least, most = (np.concatenate(both) for both in zip(_eigenvalues(view, places.reshape(-1, 2)), _on_edge(view), strict=True))
     known = np.isfinite(least)
@@ -64,7 +64,7 @@ def _on_edge(view: View) -> tuple[Array, Array]:
 
 def _eigenvalues(view: View, places: Array) -> tuple[Array, Array]:
     """The smaller and the larger eigenvalue of S⁻¹·∂d/∂ω at places (n, 2); NaN where nothing is shown."""
-    looked, sight = view.towards(places), view.trace(places)
+    looked, sight = view.towards(places), view.trace_places(places)
     normal = sight.directions - looked
     with np.errstate(invalid="ignore"):
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

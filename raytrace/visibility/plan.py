@@ -313,7 +313,7 @@ def brought(view: View, places: Array, targets: Array, at_infinity: bool = False
     wanted = np.tile(targets, (3, 1))
     best, found, points = np.full(n, np.inf), np.full((n, 2), np.nan), np.full((n, 3), np.nan)
     for _ in range(MAX_STEPS):
-        sight = view.trace((places + shifts).reshape(-1, 2))
+        sight = view.trace_places((places + shifts).reshape(-1, 2))
         way, d = wanted if at_infinity else wanted - sight.points, sight.directions
         with np.errstate(divide="ignore", invalid="ignore"):
             # By what angles the rays pass the targets, about: in plan, and above.

@@ -157,5 +157,5 @@ class Scene:
         openness[below] = self.ground_openness(*ground_points(x[below], y[below]))
         total = np.zeros((len(x), 3))
         for dx, dy, offset in sample_pattern():
-            total += displayable(self.trace(x + dx * PIXEL_SIZE, y + dy * PIXEL_SIZE, openness, offset))
+            total += displayable(self.trace_places(x + dx * PIXEL_SIZE, y + dy * PIXEL_SIZE, openness, offset))
         return (total / SUPERSAMPLING**2).reshape(rows, COLUMNS, 3)

@@ -55,7 +55,7 @@ def peak_memory(path: str, rays: int, trace: bool) -> dict[str, float]:
     import numpy as np
 
     import raytrace
-    from raytrace.trace import Trace
+    from raytrace.rays import Trace
 
     reflector = raytrace.load_reflector(path)
     raytrace.reflect(reflector, np.array(EYE_MM), _directions(1000))

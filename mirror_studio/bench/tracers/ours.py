@@ -11,8 +11,10 @@ from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.bench.tracers.case import Case, Rays
 from mirror_studio.bench.tracers.tracer import Tracer, Work
-from raytrace.reflector import TRIM_CHORD_MM, Reflector, TrimmedSurface
-from raytrace.trace import Trace, reflect
+from raytrace.rays import Trace
+from raytrace.reflector import TRIM_CHORD_MM, Reflector
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.trace import reflect
 
 HEIGHT_FIELD, FRESH, SHUFFLED, PARAMETRIC = ("ours", "ours, an origin a ray, fresh arrays", "ours, random order",
                                              "ours, parametric kernel")
@@ -49,4 +51,4 @@ def parametric(mirror: Mirror) -> Reflector:
     own = mirror.surface
     surface = BSplineSurface(own.degree_u, own.degree_v, PARAMETER_SCALE * own.knots_u, PARAMETER_SCALE * own.knots_v,
                              own.poles.copy())
-    return Reflector((TrimmedSurface(surface, (PARAMETER_SCALE * mirror.outline.polyline(TRIM_CHORD_MM),)),))
+    return Reflector(BSplineFace(surface, (PARAMETER_SCALE * mirror.outline.polyline(TRIM_CHORD_MM),)))

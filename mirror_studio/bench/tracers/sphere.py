@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.bench.tracers.case import Mesh, Rays, grid_faces
-from raytrace.reflector import Reflector, TrimmedSurface
+from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def reflector() -> Reflector:
     surface = BSplineSurface(2, 2, knots, knots.copy(), poles, cos_about[:, None] * cos_up)
     edge = 1e-3
     loop = np.array([[edge, edge], [1.0 - edge, edge], [1.0 - edge, 1.0 - edge], [edge, 1.0 - edge]])
-    return Reflector((TrimmedSurface(surface, (loop,)),))
+    return Reflector(BSplineFace(surface, (loop,)))
 
 
 def mesh(triangles: int) -> Mesh:

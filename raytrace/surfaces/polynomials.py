@@ -27,6 +27,16 @@ ROOM_MM = 1e-6  # above and below a height field, so that a ray enters its box b
 CONE_MARGIN = 0.01  # for what the normals do between the samples
 
 
+def is_graph(surface: BSplineSurface) -> bool:
+    """Whether the surface is z(x, y) over its own parameters, u = x and v = y, to IDENTITY_TOLERANCE_MM."""
+    if surface.weights is not None:
+        return False
+    x, y = surface.poles[..., 0], surface.poles[..., 1]
+    off = max(np.abs(x - greville_abscissae(surface.knots_u, surface.degree_u)[:, None]).max(),
+              np.abs(y - greville_abscissae(surface.knots_v, surface.degree_v)).max())
+    return bool(off <= IDENTITY_TOLERANCE_MM)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightField:
     """A sheet z(x, y) as polynomials about the middle of each cell, highest powers first.
@@ -55,12 +65,7 @@ class HeightField:
     def of(surface: BSplineSurface) -> HeightField | None:
         """The surface as z(x, y) where its parameters are x and y themselves; None where they are not, or where it has a
         crease, across which no bound on the second derivative holds."""
-        if surface.weights is not None or _has_crease(surface):
-            return None
-        x, y = surface.poles[..., 0], surface.poles[..., 1]
-        off = max(np.abs(x - greville_abscissae(surface.knots_u, surface.degree_u)[:, None]).max(),
-                  np.abs(y - greville_abscissae(surface.knots_v, surface.degree_v)).max())
-        cells = _cells(surface, surface.poles[..., 2:]) if off <= IDENTITY_TOLERANCE_MM else None
+        cells = None if _has_crease(surface) or not is_graph(surface) else _cells(surface, surface.poles[..., 2:])
         if cells is None:
             return None
         z = surface.poles[..., 2]

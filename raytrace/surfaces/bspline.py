@@ -1,0 +1,299 @@
+"""A B-spline face: rays are met by Newton on the surface itself, in float64."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.surfaces.bspline import BSplineSurface
+from raytrace.embree import TriangleScene
+from raytrace.errors import TraceError
+from raytrace.kernels import newton
+from raytrace.parallel import parallel_for
+from raytrace.rays import Index, Rays, Status, Trace
+from raytrace.surfaces.base import BoundedFace, grid_points, no_inset
+from raytrace.surfaces.inset import moved_inwards
+from raytrace.surfaces.polynomials import HeightField, Patches, is_graph
+from raytrace.surfaces.rim import Curve, rim_of
+from raytrace.surfaces.trimming import Trimming
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+
+START_GRID = 48  # cells a direction of the coarse mesh that Newton starts from
+MIN_IN_SPAN = 3
+SHELL = 2.0  # times the distance between facets and surface: what is between the places looked at is less than twice as much
+MAX_CROSSINGS = 400  # start meshes of surfaces that a ray may pass on its way
+STEP_ON = 1e-5  # of a surface's size: how far behind a start mesh a ray goes on; Embree's float32 knows it to 1e-7
+WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
+# How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
+# the sheet goes on beyond. 1e-12 rad of the reflected ray.
+EDGE_INSET = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class BSplineFace(BoundedFace):
+    """A B-spline surface inside trimming loops (closed polygons in (u, v), even-odd), S_u × S_v times `sign` outward.
+
+    one_sided : whether only the outward side reflects.
+    """
+
+    surface: BSplineSurface
+    loops: tuple[Array, ...]
+    sign: float = 1.0
+    one_sided: bool = True
+
+    # --- what it is, as the kernels take it ---------------------------------------------------------------------------
+
+    @cached_property
+    def trimming(self) -> Trimming:
+        """The loops as the kernels take them."""
+        return Trimming.of(self.loops)
+
+    @cached_property
+    def height_field(self) -> HeightField | None:
+        """The surface as z(x, y) where its parameters are x and y themselves and z looks outward; else None."""
+        return HeightField.of(self.surface) if self.sign > 0 else None
+
+    @cached_property
+    def is_graph(self) -> bool:
+        """Whether it is z(x, y) over its own parameters, whichever side is outward, with creases or without."""
+        return is_graph(self.surface)
+
+    @cached_property
+    def patches(self) -> Patches:
+        """The surface as polynomials. Raises: TraceError for a degree that the kernels do not take."""
+        found = Patches.of(self.surface)
+        if found is None:
+            raise TraceError(f"a face's B-spline has degree {self.surface.degree_u} × {self.surface.degree_v}; degrees up to "
+                             "25 are traced: convert the face")
+        return found
+
+    def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Points (…, 3), mm, at parameters that may lie beside the sheet by rounding."""
+        u_min, u_max, v_min, v_max = self.surface.domain
+        return self.surface.evaluate(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
+
+    @cached_property
+    def rim(self) -> tuple[Curve, ...]:
+        """The curves that bound it."""
+        return rim_of(self.evaluate, self.loops)
+
+    def outline(self) -> Array:
+        """Points (n, 3), mm, of its rim, and of where it bulges beyond that in x or y."""
+        return self._outline
+
+    @cached_property
+    def _outline(self) -> Array:
+        points = np.concatenate([np.empty((0, 3)), *(curve.points for curve in self.rim)])
+        if self.height_field is not None:
+            return points
+        u_min, u_max, v_min, v_max = self.trimming.box
+        u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(u_min, u_max, START_GRID + 1),
+                                                     np.linspace(v_min, v_max, START_GRID + 1)))
+        bulge = self.evaluate(u, v)[self.trimming.contains(u, v)]
+        if len(points):
+            low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+            bulge = bulge[((bulge[:, :2] < low) | (bulge[:, :2] > high)).any(axis=1)]
+        return np.concatenate([points, bulge])
+
+    def untrimmed(self) -> BSplineFace:
+        """The same face without its trimming: all of the sheet that it was cut from."""
+        return self._untrimmed
+
+    @cached_property
+    def _untrimmed(self) -> BSplineFace:
+        u_min, u_max, v_min, v_max = self.surface.domain
+        return replace(self, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))
+
+    @cached_property
+    def start_mesh(self) -> tuple[SurfaceMesh, Array]:
+        """Where Newton starts: two coarse meshes, one to either side of the surface by SHELL times what their facets are off
+        it where that was looked at, a little beyond its trimmed part; and the (u, v) of their vertices."""
+        (u_min, u_max, v_min, v_max), domain = self.trimming.box, self.surface.domain
+        beyond_u, beyond_v = 0.02 * (u_max - u_min), 0.02 * (v_max - v_min)
+        u = _start_grid(self.surface.knots_u, max(u_min - beyond_u, domain[0]), min(u_max + beyond_u, domain[1]))
+        v = _start_grid(self.surface.knots_v, max(v_min - beyond_v, domain[2]), min(v_max + beyond_v, domain[3]))
+        d = self.surface.on_grid(u, v)
+        # How far the facets are from the surface: at the middles of the cells and of their sides.
+        coarse = d["s"][::2, ::2]
+        sides = np.concatenate([(0.5 * (coarse[1:] + coarse[:-1]) - d["s"][1::2, ::2]).reshape(-1, 3),
+                                (0.5 * (coarse[:, 1:] + coarse[:, :-1]) - d["s"][::2, 1::2]).reshape(-1, 3),
+                                (0.5 * (coarse[1:, 1:] + coarse[:-1, :-1]) - d["s"][1::2, 1::2]).reshape(-1, 3)])
+        apart = SHELL * float(np.linalg.norm(sides, axis=1).max())
+        across = np.cross(d["u"], d["v"])[::2, ::2]
+        length = np.linalg.norm(across, axis=2, keepdims=True)
+        normal = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
+        uv = np.stack(np.meshgrid(u[::2], v[::2], indexing="ij"), axis=2).reshape(-1, 2)
+        rows, row = len(u[::2]), len(v[::2])
+        corner = np.arange(rows * row).reshape(rows, row)[:-1, :-1].ravel()
+        faces = np.concatenate([np.stack([corner, corner + row, corner + row + 1], axis=1),
+                                np.stack([corner, corner + row + 1, corner + 1], axis=1)]).astype(np.int32)
+        shells = np.concatenate([(coarse + side * apart * normal).reshape(-1, 3) for side in (1.0, -1.0)])
+        return SurfaceMesh(shells, np.concatenate([faces, faces + np.int32(rows * row)])), np.concatenate([uv, uv])
+
+    @cached_property
+    def start_scene(self) -> TriangleScene:
+        """The start meshes in Embree, alone: faces side by side share theirs, and one would hide the other."""
+        return TriangleScene(self.start_mesh[0].vertices, self.start_mesh[0].faces)
+
+    # --- tracing ------------------------------------------------------------------------------------------------------
+
+    def first_hits(self, rays: Rays, out: Trace) -> None:
+        """Without a search where a ray can meet it only once; what that leaves, with one. See `OpticalSurface`."""
+        field = self.height_field
+        if field is not None:
+            _run(lambda *arrays: newton.height_field_hits(  # type: ignore[no-untyped-call]
+                field.powers, *field.arguments, field.top, field.steepest, *self.trimming.arguments,
+                self.trimming.interior_spans, *arrays), rays, out)
+        elif self.patches.sheet is not None:
+            self._parametric_hits(self.patches.sheet, np.empty(0), rays, out)
+        else:
+            out.status[:] = Status.LOST
+        for part, some in rays.in_parts(np.flatnonzero(out.status == Status.LOST)):
+            out.scatter(part, self._search(some))
+
+    def _search(self, rays: Rays) -> Trace:
+        """The first place that each ray meets, wherever it comes from."""
+        found = Trace.empty(len(rays))
+        field = self.height_field
+        if field is not None:
+            _run(lambda *arrays: newton.height_field_first_hits(  # type: ignore[no-untyped-call]
+                field.powers, *field.arguments, field.bottom, field.top, field.bend, self.one_sided,
+                *self.trimming.arguments, *arrays), rays, found)
+            return found
+        origins, units, valid = rays.units()
+        found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
+        found.invalidate(np.arange(len(rays)))
+        self.meet_nearer(origins, units, np.flatnonzero(valid), found)
+        return found
+
+    def meet_nearer(self, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
+        """Where rays meet it before what they have met so far: Newton from every place where they meet its start meshes.
+
+        Newton may run to a later fold of the surface: the search goes on until the next start mesh lies farther than the place.
+        """
+        mesh, uv = self.start_mesh
+        passed = np.zeros(len(units))
+        lost = np.zeros(len(units), dtype=np.bool_)
+        # Whether a ray has gone through the start mesh on either side, since Newton first did not converge.
+        one_side, other_side = np.zeros(len(units), dtype=np.bool_), np.zeros(len(units), dtype=np.bool_)
+        for _ in range(MAX_CROSSINGS):
+            hits = self.start_scene.first_hits(origins[waiting] + passed[waiting, None] * units[waiting], units[waiting])
+            far = passed[waiting] + hits.distance
+            going = (hits.triangle >= 0) & ~(far > found.distances[waiting])
+            waiting, far, triangle = waiting[going], far[going], hits.triangle[going]
+            if waiting.size == 0:
+                break
+            corners = uv[mesh.faces[triangle]]
+            u, v = hits.u[going, None], hits.v[going, None]
+            start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
+            here = Trace.empty(len(waiting))
+            self._parametric_hits(np.empty(0), start_uv, Rays(origins[waiting], units[waiting]), here)
+            met = (here.status == Status.REFLECTED) | (here.status == Status.BEHIND)
+            rows = np.flatnonzero(met & ~(here.distances > found.distances[waiting]))
+            found.scatter(waiting[rows], Trace(here.status[rows], here.points[rows], here.normals[rows], here.directions[rows],
+                                            here.distances[rows]))
+            lost[waiting] |= here.status == Status.LOST
+            front = triangle < len(mesh.faces) // 2
+            one_side[waiting] ^= lost[waiting] & front
+            other_side[waiting] ^= lost[waiting] & ~front
+            passed[waiting] = far + STEP_ON * self.patches.extent
+        else:
+            one_side[waiting] = other_side[waiting] = True
+        # A ray that comes and goes by the same side of a face has passed it by; one that goes through has met it.
+        found.status[one_side & other_side & (found.status == Status.MISSED)] = Status.LOST
+
+    def _parametric_hits(self, sheet: Array, starts: Array, rays: Rays, out: Trace) -> None:
+        patches, flat = self.patches, starts.ravel()
+        _run(lambda i, j, *arrays: newton.parametric_hits(  # type: ignore[no-untyped-call]
+            patches.powers, patches.parts, *patches.arguments, *self.trimming.arguments, self.trimming.interior_spans,
+            self.sign, self.one_sided, patches.closed, sheet, flat[2 * i:2 * j], *arrays), rays, out, ends=True)
+
+    # --- what is asked of any optical surface -------------------------------------------------------------------------
+
+    @property
+    def edge_inset(self) -> float:
+        return EDGE_INSET
+
+    @property
+    def domain(self) -> Box:
+        return self.surface.domain if self.is_graph else super().domain
+
+    @property
+    def parameter_limits(self) -> tuple[Array, Array]:
+        """The least and the greatest (u, v) at which rays meet the sheet."""
+        u_min, u_max, v_min, v_max = self.surface.domain
+        low, high = np.array([u_min, v_min]), np.array([u_max, v_max])
+        return low + WITHIN * (high - low), high - WITHIN * (high - low)
+
+    def inset(self, margin_mm: float) -> BSplineFace:
+        if self.height_field is None or len(self.loops) != 1:
+            raise no_inset(margin_mm)
+        return replace(self, loops=(moved_inwards(self.loops[0], margin_mm),))
+
+    def is_above(self, points: Array, margin_mm: float) -> bool:
+        if self.height_field is None:
+            return False
+        x, y, z = points.T
+        u_min, u_max, v_min, v_max = self.surface.domain
+        if x.min() < u_min or x.max() > u_max or y.min() < v_min or y.max() > v_max:
+            return False
+        return bool((z <= self.surface.evaluate(x, y)[:, 2] + margin_mm).all())
+
+    def prepared(self) -> BSplineFace:
+        _ = self.trimming
+        return self
+
+    def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
+        return self.surface.evaluate(x, y) - eye if self.is_graph else super().eye_rays(eye, x, y)
+
+    def reflected_at(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
+        if not self.is_graph:
+            return super().reflected_at(eye, x, y)
+        return reflected_from_graph(eye, x, y, *self.surface.heights(x, y))  # u = x, v = y: height and slopes say it all
+
+    def reflected_on_grid(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
+        at_x, at_y = grid_points(x, y)
+        if not self.is_graph:
+            return super().reflected_on_grid(eye, x, y)
+        d = self.surface.on_grid(x, y, component=2)
+        return reflected_from_graph(eye, at_x, at_y, *(d[key].ravel() for key in ("s", "u", "v")))
+
+
+def reflected_from_graph(eye: Array, x: Array, y: Array, z: Array, z_x: Array, z_y: Array) -> tuple[Array, Array]:
+    """Points (n, 3) of a graph z(x, y) and the unit directions (n, 3) in which rays from the eye are reflected there.
+
+    d' = d − 2(d·n)n,   n = (−z_x, −z_y, 1)/√(1 + z_x² + z_y²).
+    """
+    points = np.stack([x, y, z], axis=1)
+    normal = np.stack([-z_x, -z_y, np.ones_like(z)], axis=1) / np.sqrt(1.0 + z_x * z_x + z_y * z_y)[:, None]
+    ray = points - eye
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    return points, ray - 2.0 * np.einsum("ij,ij->i", ray, normal)[:, None] * normal
+
+
+def _start_grid(knots: Array, low: float, high: float) -> Array:
+    """Twice START_GRID cells or more between low and high, with ends at the knots and as many in every span."""
+    ends = np.concatenate([[low], np.unique(knots[(knots > low) & (knots < high)]), [high]])
+    parts = max(-(-START_GRID // (len(ends) - 1)), MIN_IN_SPAN)
+    inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(2 * parts) / (2 * parts)
+    return np.append(inner.ravel(), high)
+
+
+def _run(kernel: Callable[..., None], rays: Rays, out: Trace, ends: bool = False) -> None:
+    """A kernel on all cores; it gets flat arrays of the rays and results of a run, after the run's ends where it asks."""
+    origins, directions = rays.origins.ravel(), rays.directions.ravel()
+    points, normals, reflected = out.points.ravel(), out.normals.ravel(), out.directions.ravel()
+
+    def work(i: int, j: int) -> None:
+        three = slice(3 * i, 3 * j)
+        kernel(*((i, j) if ends else ()), origins if origins.size == 3 else origins[three], directions[three],
+               out.status[i:j], points[three], normals[three], reflected[three], out.distances[i:j])
+
+    parallel_for(work, len(rays))

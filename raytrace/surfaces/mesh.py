@@ -1,0 +1,108 @@
+"""A triangle mesh: rays are met on its facets, with the facets' normals or those between their corners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.mesh import SurfaceMesh
+from raytrace.embree import TriangleScene
+from raytrace.kernels.mesh_normals import corner_normals, interpolated_normals
+from raytrace.rays import NormalsFrom, Rays, Status, Trace
+from raytrace.surfaces.base import OpticalSurface
+
+Array = NDArray[np.float64]
+Normals = Literal["facets", "interpolated"]
+
+FACETS = 2.0  # sides of its facets that are told apart: within a facet the normals' slope is that of noise
+WIDEST_SPAN = 0.05  # of the mirror's width, where facets are large because the mirror is flat
+# How far inside the box's edge a ray is taken, of the mirror's width: its points are float32's, and a solid's rim is beside.
+EDGE_INSET = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSurface(OpticalSurface):
+    """Facets that reflect on both sides. normals : whether with their own normals or with those between their vertices."""
+
+    mesh: SurfaceMesh
+    normals: Normals = "facets"
+
+    @cached_property
+    def scene(self) -> TriangleScene:
+        """The facets in Embree."""
+        return TriangleScene(self.mesh.vertices, self.mesh.faces)
+
+    @cached_property
+    def facet_normals(self) -> Array:
+        """Unit normals of the facets, (m, 3)."""
+        return self.mesh.facet_normals()
+
+    @cached_property
+    def corner_normals(self) -> Array:
+        """Normals at the facets' corners, (m, 3, 3)."""
+        return corner_normals(self.mesh)
+
+    def first_hits(self, rays: Rays, out: Trace) -> None:
+        """The point is Embree's facet, met in float64. See `OpticalSurface`."""
+        for part, some in rays.in_parts(np.arange(len(rays))):
+            out.scatter(part, self._hits(some))
+
+    def _hits(self, rays: Rays) -> Trace:
+        origins, units, valid = rays.units()
+        found = Trace.empty(len(rays))
+        hits = self.scene.first_hits(origins, units)
+        if self.normals == "facets":
+            normals = self.facet_normals[np.maximum(hits.triangle, 0)]
+        else:
+            normals = interpolated_normals(self.corner_normals, hits.triangle, hits.u, hits.v)
+        along = np.einsum("ij,ij->i", units, normals)
+        normals = np.where(along[:, None] > 0.0, -normals, normals)
+        found.status[:] = np.where((hits.triangle >= 0) & np.any(normals != 0.0, axis=1), Status.REFLECTED, Status.MISSED)
+        found.status[~valid] = Status.INVALID
+        found.distances[:] = hits.distance
+        with np.errstate(invalid="ignore"):
+            found.points[:] = origins + hits.distance[:, None] * units
+        found.normals[:] = normals
+        found.directions[:] = units + 2.0 * np.abs(along)[:, None] * normals
+        found.invalidate(np.flatnonzero(found.status != Status.REFLECTED))
+        return found
+
+    @property
+    def normals_from(self) -> NormalsFrom:
+        return self.normals
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.mesh.faces)
+
+    @cached_property
+    def resolution_mm(self) -> float:
+        """FACETS sides of the facets, of the mean area."""
+        a, b, c = (self.mesh.vertices[self.mesh.faces[:, k]] for k in range(3))
+        area = float(np.mean(np.linalg.norm(np.cross(b - a, c - a), axis=1)))  # of two facets: a square's side is its root
+        x_min, x_max, _, _ = self.domain
+        return min(FACETS * float(np.sqrt(area)), WIDEST_SPAN * (x_max - x_min))
+
+    @property
+    def edge_inset(self) -> float:
+        return EDGE_INSET
+
+    def outline(self) -> Array:
+        """Its vertices (n, 3), mm."""
+        return self.mesh.vertices
+
+    def interpolated(self) -> MeshSurface:
+        return self if self.normals == "interpolated" else self._interpolated
+
+    @cached_property
+    def _interpolated(self) -> MeshSurface:
+        return replace(self, normals="interpolated")
+
+
+
+
+
