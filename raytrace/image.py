@@ -18,7 +18,7 @@ from raytrace.rays import Status, Trace
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, landed
 from raytrace.trace import reflect
-from raytrace.viewing.camera import Camera, Frame
+from raytrace.viewing.camera import Camera
 
 Array = NDArray[np.float64]
 
@@ -39,12 +39,6 @@ class Scene(Protocol):
 
     def to_display(self, means: Array) -> Picture:
         """The bytes (n, 3) that show mean colours (n, 3)."""
-
-
-def driver_view(reflector: Reflector, eye: Array, scene: Scene, frame: Frame,
-                progress: Callable[[float], None] | None = None, samples: int = SAMPLES) -> tuple[Picture, dict[str, int]]:
-    """What the eye sees in the mirror through the frame on the plane z = 0; as `photograph` of the frame's camera."""
-    return photograph(reflector, frame.camera(eye), scene, progress, samples)
 
 
 def photograph(reflector: Reflector | None, camera: Camera, scene: Scene, progress: Callable[[float], None] | None = None,

@@ -12,7 +12,7 @@ import mirror_cad
 import raytrace
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace import parallel
-from raytrace.image import driver_view, photograph
+from raytrace.image import photograph
 from raytrace.rays import Trace
 from raytrace.scene.reference import BACKGROUND, Picture, ReferencePlane, load_picture
 from raytrace.surfaces.polynomials import HeightField
@@ -31,8 +31,8 @@ def scene_of(name: str) -> tuple[raytrace.Reflector, np.ndarray, ReferencePlane,
 
 def test_rays_go_where_the_picture_needs_them() -> None:
     reflector, eye, scene, frame = scene_of("progressive-c")
-    view, rays = driver_view(reflector, eye, scene, frame)
-    fine, _ = driver_view(reflector, eye, replace(scene), frame, samples=4)
+    view, rays = photograph(reflector, frame.camera(eye), scene)
+    fine, _ = photograph(reflector, frame.camera(eye), replace(scene), samples=4)
     assert np.array_equal(view, fine)  # 4 is the default
     reference = sampled_everywhere(reflector, eye, scene, frame, 8)
     off = np.abs(view.astype(int) - reference).max(axis=2) > 8
@@ -48,16 +48,16 @@ def sampled_everywhere(reflector: raytrace.Reflector, eye: np.ndarray, scene: Re
         for j in range(samples):
             shifted = replace(frame, left=frame.left + ((j + 0.5) / samples - 0.5) * frame.pixel,
                               top=frame.top - ((i + 0.5) / samples - 0.5) * frame.pixel)
-            total += driver_view(reflector, eye, scene, shifted, samples=1)[0]
+            total += photograph(reflector, shifted.camera(eye), scene, samples=1)[0]
     return total / samples**2
 
 
 def test_picture_does_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     reflector, eye, scene, frame = scene_of("progressive-a")
-    two, counts = driver_view(reflector, eye, scene, frame)
+    two, counts = photograph(reflector, frame.camera(eye), scene)
     monkeypatch.setattr(parallel, "THREADS", 1)
     monkeypatch.setattr(parallel, "_pools", [])
-    one, again = driver_view(reflector, eye, scene, frame)
+    one, again = photograph(reflector, frame.camera(eye), scene)
     assert np.array_equal(one, two)
     assert counts == again
 
@@ -65,7 +65,7 @@ def test_picture_does_not_depend_on_the_number_of_threads(monkeypatch: pytest.Mo
 def test_progress_rises_to_one_and_stops_the_work_when_it_raises() -> None:
     reflector, eye, scene, frame = scene_of("progressive-a")
     shares: list[float] = []
-    driver_view(reflector, eye, scene, frame, shares.append)
+    photograph(reflector, frame.camera(eye), scene, shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert len(shares) > 10
@@ -78,8 +78,8 @@ def test_progress_rises_to_one_and_stops_the_work_when_it_raises() -> None:
             raise EnoughError
 
     with pytest.raises(EnoughError):
-        driver_view(reflector, eye, scene, frame, stop)
-    view, _ = driver_view(reflector, eye, scene, frame, samples=1)  # the threads are free again
+        photograph(reflector, frame.camera(eye), scene, stop)
+    view, _ = photograph(reflector, frame.camera(eye), scene, samples=1)  # the threads are free again
     assert np.array_equal(view[0, 0], np.rint(BACKGROUND))
 
 
@@ -92,7 +92,7 @@ def test_a_pixel_of_a_flat_mirror_shows_the_picture_where_it_lies() -> None:
     picture[..., 1] = np.arange(90)[:, None] * 2
     scene = ReferencePlane(picture, setting.plane_z_mm, 4000.0, (0.0, 0.0))
     frame = Frame.around(mirror.box, 300)
-    view, _ = driver_view(raytrace.Reflector.from_mirror(mirror), setting.eye, scene, frame, samples=1)
+    view, _ = photograph(raytrace.Reflector.from_mirror(mirror), frame.camera(setting.eye), scene, samples=1)
     eye = setting.eye
     for row, column in ((200, 150), (150, 120), (230, 180)):
         x, y = frame.place(np.array(column + 0.5), np.array(row + 0.5))

@@ -12,7 +12,7 @@ from PIL import Image
 from mirror_studio.bench.tracers import pictures
 from mirror_studio.bench.tracers.case import Case
 from mirror_studio.bench.tracers.mitsuba_mesh import SCALAR, use
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.viewing.camera import Frame
 from tests.conftest import designed
 
@@ -31,7 +31,7 @@ def both() -> tuple[np.ndarray, np.ndarray]:
 def by_us(case: Case, scene: Any, frame: Frame) -> np.ndarray:
     """The mean of a picture eight times finer: as many rays for every pixel, not only where it shows an edge."""
     fine = Frame(frame.left, frame.top, frame.pixel / 8.0, 8 * frame.columns, 8 * frame.rows)
-    view = driver_view(case.reflector, case.eye, scene, fine, samples=1)[0]
+    view = photograph(case.reflector, fine.camera(case.eye), scene, samples=1)[0]
     return view.reshape(frame.rows, 8, frame.columns, 8, 3).mean(axis=(1, 3))
 
 

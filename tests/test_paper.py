@@ -10,7 +10,7 @@ import pytest
 import mirror_cad
 import raytrace
 from mirror_studio.build.paper import PAPER, table_1
-from raytrace.image import driver_view, landing_points
+from raytrace.image import landing_points, photograph
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.lane_image import lane_straightness_in_picture
@@ -31,7 +31,7 @@ def test_lane_measured_in_the_picture_is_the_traced_one_within_a_point(name: str
     eye, scene = setting(mirror, load_picture("road"))
     reflector = raytrace.Reflector.from_mirror(mirror)
     frame = Frame.around(mirror.box, 1280)
-    view, _ = driver_view(reflector, eye, scene, frame)
+    view, _ = photograph(reflector, frame.camera(eye), scene)
     in_picture = lane_straightness_in_picture(view, frame, reflector, eye, mirror.box)
     traced = lane_straightness_percent(face_of(mirror), eye, StraightLane(0.0, 2400.0, 0.6, scene.z_mm), mirror.box)
     assert in_picture == pytest.approx(traced, abs=1.0)
@@ -42,7 +42,7 @@ def test_picture_without_a_yellow_line_has_no_straightness() -> None:
     eye, scene = setting(mirror, np.full((120, 100, 3), 90, dtype=np.uint8))
     reflector = raytrace.Reflector.from_mirror(mirror)
     frame = Frame.around(mirror.box, 200)
-    view, _ = driver_view(reflector, eye, scene, frame)
+    view, _ = photograph(reflector, frame.camera(eye), scene)
     assert lane_straightness_in_picture(view, frame, reflector, eye, mirror.box) is None
 
 
@@ -56,7 +56,7 @@ def test_a_plane_mirror_shows_the_picture_reversed_left_to_right_and_keeps_its_v
     picture[..., 2] = 77
     eye, scene = setting(mirror, picture)
     frame = Frame.around(mirror.box, 230)
-    view, counts = driver_view(raytrace.Reflector.from_mirror(mirror), eye, scene, frame)
+    view, counts = photograph(raytrace.Reflector.from_mirror(mirror), frame.camera(eye), scene)
     row, column = frame.rows // 3, np.arange(30, 200, 10)
     trace = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), eye,
                              rays_through(frame, eye, column + 0.5, np.full(column.shape, row + 0.5)))

@@ -26,7 +26,7 @@ from mirror_studio.web.controls import GROUPS
 from mirror_studio.web.protocol import StoppedError, ViewSettings, WrongShapeError, pack, read_message, unpack
 from mirror_studio.web.turned import Turn, aimed
 from mirror_studio.web.uploads import NAME, Uploads
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import load_picture
 from raytrace.viewing.camera import Frame
@@ -77,8 +77,8 @@ def test_picture_is_the_driver_view_of_that_surface() -> None:
     left, top, pixel, columns, rows = shown.header["frames"]["picture"]
     mirror = design(spec)
     setting = ViewingSetup.of(spec, mirror.box)
-    view, _ = driver_view(Reflector.from_mirror(mirror), setting.eye, setting.scene(load_picture("road"), spec),
-                          Frame(left, top, pixel, columns, rows))
+    camera = Frame(left, top, pixel, columns, rows).camera(setting.eye)
+    view, _ = photograph(Reflector.from_mirror(mirror), camera, setting.scene(load_picture("road"), spec))
     with Image.open(io.BytesIO(shown.pictures["picture0"])) as picture:
         off = np.abs(np.asarray(picture, dtype=float) - view)
     assert off.mean() < 2.0

@@ -35,7 +35,7 @@ from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, unpack
 from mirror_studio.web.state import as_state
 from mirror_studio.web.turned import Turn
 from mirror_studio.web.uploads import cleaned
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.viewing.camera import Frame
 from tests.conftest import PAPER_MIRRORS
 from tests.studio_server import Studio, running, start
@@ -373,8 +373,9 @@ def test_a_picture_is_taken_as_the_page_shows_it(studio: Studio) -> None:
     one = load_spec("progressive-c")
     turned = engine.designed(one.model_copy(update={"view": one.view.model_copy(update={"width_px": 160})}))
     eye, turn = turned.setting.eye, Turn(math.radians(10.0), 0.0)
-    view, _ = driver_view(turned.reflector, turn.to_mirror(eye), turn.seen_by(turned.setting.scene(turned.picture, one)),
-                          Frame.around(turned.mirror.box, 160), samples=engine.FINE_SAMPLES)
+    camera = Frame.around(turned.mirror.box, 160).camera(turn.to_mirror(eye))
+    view, _ = photograph(turned.reflector, camera, turn.seen_by(turned.setting.scene(turned.picture, one)),
+                         samples=engine.FINE_SAMPLES)
     assert (pictures["turned"] == view).all()
     assert np.abs(pictures["turned"] - pictures["plain"]).mean() > 3.0
     assert pictures["both"].shape[1] == 2 * pictures["plain"].shape[1] + 12

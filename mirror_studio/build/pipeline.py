@@ -28,7 +28,7 @@ from mirror_studio.build.methods import compare_methods, floor_of
 from mirror_studio.progress import Progress
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.load import Colour, load_reflector, reflector_of
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
@@ -97,7 +97,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     scene = setting.scene(picture, spec)
     frame = Frame.around(mirror.box, spec.view.width_px)
     reflector = reflector_of(step_file, spec.glass.index)
-    view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+    view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
     section = mirror.section_fields_of_view()
     traced = traced_fields_of_view(reflector.surface, eye, mirror.box, mirror.left_height_mm)
@@ -164,7 +164,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     frame = Frame.around(box, spec.view.width_px)
     with new_set(out) as folder:
         progress.step(f"{path.name}: tracing the driver's view")
-        view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+        view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
         write_png(folder / "driver-view.png", view)
         metrics: dict[str, Any] = {
             "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},

@@ -23,7 +23,7 @@ from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures
 from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.turned import Turn, aimed
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.magnification import ray_differentials
@@ -177,7 +177,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflecto
     pictures, frames = {}, dict(zip(("picture", "own"), framed, strict=False))
     for (name, frame), (reflector, each, _) in zip(frames.items(), seen, strict=True):
         for number, eye in enumerate(eyes):
-            view, _ = driver_view(reflector, each.to_mirror(eye), each.seen_by(scene), frame, progress, samples)
+            view, _ = photograph(reflector, frame.camera(each.to_mirror(eye)), each.seen_by(scene), progress, samples)
             pictures[f"{name}{number}"] = jpeg(view, quality)
     end = time.perf_counter()
     header = described(one, fine) | {

@@ -11,7 +11,7 @@ from mirror_cad.spec import MirrorSpec
 from mirror_studio.web.engine import FINE_SAMPLES, designed, eyes_of, mirrors_in_view
 from mirror_studio.web.protocol import LARGEST_PICTURE, ViewSettings
 from mirror_studio.web.turned import Turn
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.reflector import Reflector
 from raytrace.viewing.camera import Frame
 
@@ -34,8 +34,8 @@ def driver_picture(spec: MirrorSpec, look: ViewSettings, own: Reflector | None) 
     seen = mirrors_in_view(one, turn, own)
     wide = {box: Frame.around(box, 1).pixel for _, _, box in seen}  # mm
     pixel = max(wide[one.mirror.box] / spec.view.width_px, max(wide.values()) / LARGEST_PICTURE)
-    views = [driver_view(reflector, each.to_mirror(eye), each.seen_by(scene),
-                         Frame.around(box, max(SMALLEST_PICTURE, round(wide[box] / pixel))), None, FINE_SAMPLES)[0]
+    frames = {box: Frame.around(box, max(SMALLEST_PICTURE, round(wide[box] / pixel))) for box in wide}
+    views = [photograph(reflector, frames[box].camera(each.to_mirror(eye)), each.seen_by(scene), None, FINE_SAMPLES)[0]
              for reflector, each, box in seen for eye in eyes_of(one.setting.eye, look)]
     height = max(view.shape[0] for view in views)
     width = sum(view.shape[1] for view in views) + GAP * (len(views) - 1)

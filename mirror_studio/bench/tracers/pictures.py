@@ -12,7 +12,7 @@ from mirror_studio.bench.tracers.case import Case
 from mirror_studio.bench.tracers.mitsuba_mesh import mesh_of, use_for_pictures
 from mirror_studio.bench.tracers.tracer import Work
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.scene.reference import BESIDE, ReferencePlane, load_picture
 from raytrace.scene.world import TriangleWorld
 from raytrace.viewing.camera import Frame
@@ -35,7 +35,7 @@ def reference_plane(case: Case) -> ReferencePlane:
 
 def ours(case: Case, scene: ReferencePlane | TriangleWorld, frame: Frame) -> Work:
     """The driver's view, (rows, columns, 3) uint8."""
-    return lambda: driver_view(case.reflector, case.eye, scene, frame, samples=1)[0]
+    return lambda: photograph(case.reflector, frame.camera(case.eye), scene, samples=1)[0]
 
 
 def mitsuba(case: Case, scene: ReferencePlane | TriangleWorld, frame: Frame, triangles: int,
