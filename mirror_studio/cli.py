@@ -170,6 +170,20 @@ def photograph(scene: str = "motorway", /, *, out: Out = None, json: Json = Fals
 
 
 @app.command
+def measures(*, json: Json = False) -> int:
+    """List the measures by name: unit, what they are of, and their definitions."""
+    from raytrace.measures.registry import registered
+
+    found = {name: {"title": one.title, "unit": one.unit, "of": one.scope, "better": one.better, "definition": one.definition}
+             for name, one in registered().items()}
+    if json:
+        return _finish(found, (), json)
+    for name, one in found.items():
+        print(f"{name:34} {one['unit'] or '1':10} {one['title']}: {one['definition']}")
+    return DONE
+
+
+@app.command
 def bench(*, part: Parts = None, out: Out = None, json: Json = False) -> int:
     """Measure speed against error: tables, plots and a page (default: exports/bench).
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.mirror import Mirror
 from mirror_cad.spec import MirrorSpec
-from raytrace.measures.lane import StraightLane
+from raytrace.measures.in_use import MirrorInUse
+from raytrace.measures.lane import Lane, StraightLane
+from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, ReferencePlane
 from raytrace.viewing.eye import eye_position
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 
@@ -30,6 +36,15 @@ class ViewingSetup:
         plane_z_mm = float(eye[2]) + spec.scene.distance_mm
         lane = spec.scene.lane
         return ViewingSetup(eye, plane_z_mm, StraightLane(lane.x0_mm, lane.y0_mm, lane.slope, plane_z_mm))
+
+    def in_use(self, reflector: Reflector, mirror: Mirror | None = None) -> MirrorInUse:
+        """The mirror as measures see it; `mirror` : what it was designed as, where that is known."""
+        view = View(reflector, Pose.identity(), self.eye)
+        lane = Lane(self.lane.x0_mm, self.lane.y0_mm, self.lane.slope, self.plane_z_mm - float(self.eye[2]))
+        if mirror is None:
+            return MirrorInUse(view, lane)
+        horizontal, vertical = (math.degrees(angle) for angle in mirror.section_fields_of_view())
+        return MirrorInUse(view, lane, mirror.box, mirror.left_height_mm, (horizontal, vertical))
 
     def scene(self, picture: Picture, spec: MirrorSpec) -> ReferencePlane:
         """The picture on the plane, as wide and where [scene] has it."""

@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 
 from mirror_cad.errors import MirrorError
 from mirror_cad.surfaces.quadric import Quadric
-from mirror_studio.drive.measured import figures, main_figures, measure, subject_of
+from mirror_studio.drive.measured import asked_of, figures, main_figures, measure
 from mirror_studio.drive.mirrors import driven_mirror, on_vehicle
 from mirror_studio.drive.pictures import World
-from mirror_studio.drive.table import cells, rows_of
+from mirror_studio.drive.table import cells, groups_of, ways
 from mirror_studio.scene_file import AimSection, SceneFile, load_scene
 from raytrace.measures.eye_fields import eye_fields
 from raytrace.measures.ground import seen_widths
@@ -121,19 +121,20 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> SceneFile:
 
 
 def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneFile) -> None:
-    subject = subject_of(scene, {name: body for name, body in World(scene).named if name})
-    once, twice = (figures(measure(on_vehicle("dish", dish(radius), scene), subject)) for radius in (800.0, 1600.0))
+    subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
+    seen = [measure(on_vehicle("dish", dish(radius), scene), subject) for radius in (800.0, 1600.0)]
+    once, twice = (figures(each) for each in seen)
     assert once["image"] == {"way": "upside down and left for right", "twice": False}
     assert once["field_deg"]["horizon_either"] > 0.0
     assert twice["image"] == {"way": "some things twice", "twice": True}
     assert twice["magnification"]["horizontal"]["middle"] > 1.0
     json.dumps([once, twice], allow_nan=False)
-    rows = {row.path: row for _, rows in rows_of(twice) for row in rows}
-    assert set(rows) == {row.path for _, rows in rows_of(once) for row in rows}
-    assert cells(rows["image.way"], [once, twice]) == ["upside down and left for right", "some things twice"]
-    for path in ("field_deg.horizon_either", "lane_line.bow_arcmin", "ground.seen_width_m.0.either",
-                 "blind_zone.at.0.length_m"):
-        assert cells(rows[path], [twice]) == ["—"]
+    rows = {row.name: row for _, rows in groups_of(seen[1:]) for row in rows}
+    assert set(rows) == {row.name for _, rows in groups_of(seen[:1]) for row in rows}
+    assert ways(seen) == ["upside down and left for right", "some things twice"]
+    for name in ("horizon_either_deg", "lane_bow_arcmin", "ground_width_4_m_either_m", "blind_length_m"):
+        assert cells(rows[name], seen[1:]) == ["—"]
+        assert twice["measures"][name] is None
     # As aimed it is shown twice: turned away by 10° it need not be.
     middle = len(twice["turned"]["yaw_deg"]) // 2
     assert twice["turned"]["blind_length_m"][middle] is None
@@ -144,7 +145,7 @@ def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneF
 
 def test_a_zone_that_goes_on_is_marked_wherever_it_is_told(scene: SceneFile) -> None:
     """A mirror that looks at the sky shows nothing of the lane: it is in no view as far as it is looked at."""
-    subject = subject_of(scene, {name: body for name, body in World(scene).named if name})
+    subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
     away = on_vehicle("ball", quadric("sphere", 950.0), scene).turned(0.0, np.radians(30.0))
     assert main_figures(away, subject)["blind_endless"] is True
     found = figures(measure(away, subject))
@@ -161,7 +162,7 @@ def test_concave_and_whole_spheres_of_another_program_are_driven_or_refused(tmp_
 
     from mirror_cad.occt.step import Part, write_step
 
-    subject = subject_of(scene, {name: body for name, body in World(scene).named if name})
+    subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
     bowl = Pos(0, 0, -15) * Cylinder(97.0, 30) - Pos(0, 0, 945) * Sphere(950)
     for name, shape in (("bowl", bowl), ("ball", Sphere(150))):
         write_step(tmp_path / f"{name}.step", [Part(shape.wrapped, name)], name)

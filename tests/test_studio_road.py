@@ -25,7 +25,7 @@ from mirror_cad.errors import MirrorError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec
-from mirror_studio.drive.measured import subject_of
+from mirror_studio.drive.measured import asked_of
 from mirror_studio.drive.mirrors import driven_mirror
 from mirror_studio.drive.pictures import eye_picture
 from mirror_studio.scene_file import load_scene
@@ -82,7 +82,7 @@ def test_fine_picture_aim_and_ground_are_those_of_drive() -> None:
     found = shown.header["road"]
     assert found["yaw_deg"] == pytest.approx(math.degrees(driven.pose.yaw), abs=1e-7)
     assert found["pitch_deg"] == pytest.approx(math.degrees(driven.pose.pitch), abs=1e-7)
-    subject = subject_of(scene, {name: body for name, body in world.named if name})
+    subject = asked_of(scene, {name: body for name, body in world.named if name})
     views = driven.views.left, driven.views.right
     assert found["figures"]["seen_width_m"] == [pytest.approx([1e-3 * one.x_mm, 1e-3 * one.either_mm], rel=1e-6)
                                                 for one in seen_widths(*views, driven.own, subject.widths_at)]

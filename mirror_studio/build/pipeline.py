@@ -33,8 +33,9 @@ from raytrace.load import Colour, load_reflector, reflector_of
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.ghost import ghost
-from raytrace.measures.lane import lane_straightness_percent
+from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
+from raytrace.measures.registry import measures_of
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, load_picture
@@ -76,7 +77,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     for note in mirror.notes:
         progress.step(f"{name}: note: {note}")
     setting = ViewingSetup.of(spec, mirror.box)
-    eye, lane = setting.eye, setting.lane
+    eye = setting.eye
     step, stl = folder / f"{name}.step", folder / f"{name}.stl"
     progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
     points = mirror.grid_points()
@@ -99,21 +100,22 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     reflector = reflector_of(step_file, spec.glass.index)
     view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
-    section = mirror.section_fields_of_view()
-    traced = traced_fields_of_view(reflector.surface, eye, mirror.box, mirror.left_height_mm)
+    use = setting.in_use(reflector, mirror)
+    figures = {name: one.value(use) for name, one in measures_of(use, "setup").items()}
     progress.step(f"{name}: decoupled and faithful surface side by side")
     methods = compare_methods(mirror)
     mesh = _facets(stl, mirror)
     facets, smooth = (reflected_difference(each, reflector.uncoated, eye, scene.z_mm, mirror.box)
                       for each in (mesh, mesh.interpolated))
     metrics = {
-        "h_fov_deg": {"section": math.degrees(section[0]), "traced": _degrees(traced[0])},
-        "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _degrees(traced[1])},
+        "h_fov_deg": {"section": figures["h_fov_section_deg"], "traced": figures["h_fov_traced_deg"]},
+        "v_fov_left_deg": {"section": figures["v_fov_left_section_deg"], "traced": figures["v_fov_left_traced_deg"]},
         "lane_straightness_percent": {
-            "traced": lane_straightness_percent(reflector.surface, eye, lane, mirror.box),
+            "traced": figures["lane_straightness_percent"],
             "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, mirror.box)},
         "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
         "stl_interpolated_on_plane_mm": {"max": smooth.plane_max_mm, "rms": smooth.plane_rms_mm, "rays": smooth.rays},
+        "measures": figures,
         "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
         "methods": methods,
         "rays": rays,
@@ -123,7 +125,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         "files": files,
     }
     if spec.glass.reflecting == "back":
-        metrics["glass"] = _glass(mirror, reflector.plate, eye, points, traced[0])
+        metrics["glass"] = _glass(mirror, reflector.plate, eye, points, figures["h_fov_traced_deg"])
     from mirror_studio.report import find, write_findings, write_pdf, write_report
     from mirror_studio.report.verdict_table import as_json, view_requirements
 
@@ -159,7 +161,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     reflector = load_reflector(path, face, normals, spec.glass.index)
     box = _front_box(reflector)
     setting = ViewingSetup.of(spec, box)
-    eye, lane = setting.eye, setting.lane
+    eye, use = setting.eye, setting.in_use(reflector)
     scene = setting.scene(picture, spec)
     frame = Frame.around(box, spec.view.width_px)
     with new_set(out) as folder:
@@ -169,7 +171,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
         metrics: dict[str, Any] = {
             "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
             "lane_straightness_percent": {
-                "traced": lane_straightness_percent(reflector.surface, eye, lane, box),
+                "traced": lane_straightness(use.setup, use.lane).percent,
                 "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, box)},
             "rays": rays, "normals_from": reflector.surface.normals_from,
             "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
@@ -194,7 +196,7 @@ def _facets(stl: Path, mirror: Mirror) -> Reflector:
     return Reflector.of_mesh(SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
 
 
-def _glass(mirror: Mirror, plate: Plate, eye: Array, points: Array, h_fov: float) -> dict[str, Any]:
+def _glass(mirror: Mirror, plate: Plate, eye: Array, points: Array, h_fov: float | None) -> dict[str, Any]:
     """What the glass does to the driver's view: ghost over the grid of points, light, and field of view against none."""
     bare, _ = traced_fields_of_view(plate.uncoated(), eye, mirror.box, mirror.left_height_mm)
     seen = ghost(plate.untrimmed(), eye, points[:, 0], points[:, 1])
@@ -202,12 +204,8 @@ def _glass(mirror: Mirror, plate: Plate, eye: Array, points: Array, h_fov: float
             "ghost_arcmin": {"max": seen.max_arcmin, "max_at_mm": seen.max_at_mm and list(seen.max_at_mm),
                              "mean": seen.mean_arcmin, "rays": seen.rays},
             "front_reflectance": {"mean": seen.front_mean, "max": seen.front_max},
-            "image_reflectance": {"mean": seen.image_mean}, "h_fov_added_deg": _degrees(h_fov - bare)}
-
-
-def _degrees(angle: float) -> float | None:
-    """None for an angle between rays that leave no glass: its sheet ends before."""
-    return math.degrees(angle) if math.isfinite(angle) else None
+            "image_reflectance": {"mean": seen.image_mean},
+            "h_fov_added_deg": None if h_fov is None else h_fov - math.degrees(bare)}
 
 
 # --- what is taken from any reflector ------------------------------------------------------------------------

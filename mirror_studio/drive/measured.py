@@ -10,36 +10,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.mirror import design
 from mirror_cad.spec import Eye, SceneSpec
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
 from raytrace.errors import TraceError
-from raytrace.measures.angular_size import AngularSize, Face, angular_sizes
-from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_zone, hidden_car
-from raytrace.measures.column_tilt import Tilt, column_tilt
-from raytrace.measures.disparity import Disparity, disparity
-from raytrace.measures.eye_fields import EyeFields, extent, eye_fields
-from raytrace.measures.grid_distortion import GridDistortion, grid_distortion
+from raytrace.measures.angular_size import AngularSize, Face, sizes_in_use
+from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_zone
+from raytrace.measures.column_tilt import Tilt, tilt_in_use
+from raytrace.measures.disparity import Disparity, disparity_in_use
+from raytrace.measures.eye_fields import EyeFields, extent, eye_fields, fields_in_use
+from raytrace.measures.grid_distortion import GridDistortion, distortion_in_use
 from raytrace.measures.ground import (
     Ground,
     HorizonMargin,
     SeenWidth,
-    horizon_margin,
-    nearest_at_flank,
+    aim_in_use,
+    nearest_in_use,
     seen_ground,
     seen_widths,
+    widths_in_use,
 )
-from raytrace.measures.lane import StraightLane, lane_straightness_percent
-from raytrace.measures.line_bow import Bow, line_bow
-from raytrace.measures.magnification import MagnificationMap, magnification_map
-from raytrace.measures.road_straightness import RoadStraightness, road_straightness
+from raytrace.measures.hiding import blind_zones_in_use, hidden_in_use
+from raytrace.measures.in_use import Asked, MirrorInUse, OnVehicle
+from raytrace.measures.lane import Lane, lane_in_use
+from raytrace.measures.line_bow import Bow, bow_in_use
+from raytrace.measures.magnification import MagnificationMap, map_in_use
+from raytrace.measures.registry import Measure, measures_of
+from raytrace.measures.road_straightness import RoadStraightness, straightness_in_use
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.eye_views import EyeViews
-from raytrace.viewing.view import box_of
-from raytrace.visibility.line_image import column, road_line
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import View, box_of
 from raytrace.visibility.orientation import Orientation, orientation
 
 Array = NDArray[np.float64]
@@ -51,26 +56,13 @@ ASKED_AT = ("distance_m", "at_m", "height_m")  # what a figure of a list is meas
 TURNS = np.radians(np.arange(-10.0, 10.5, 1.0))  # of the yaw, about the aim
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
-    """What a scene's measures are of, mm: the lane beside, its line, the fronts of one vehicle at some distances, a column."""
-
-    lane: NearLane
-    line_y: float | None
-    face: Face | None
-    distances: tuple[float, ...]
-    column: tuple[float, float, float] | None
-    widths_at: tuple[float, ...]
-    direct_view: float
-    hidden_height: float
-
-
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What was measured of one mirror; see each record for its definition."""
+    """What was measured of one mirror; see each record for its definition, and `use` for the registered figures."""
 
     mirror: DrivenMirror
-    subject: Subject
+    use: MirrorInUse
+    asked: Asked
     margin: HorizonMargin
     magnification: MagnificationMap
     disparity: Disparity
@@ -90,43 +82,52 @@ class Measured:
     orientation: Orientation
 
 
-def subject_of(scene: SceneFile, bodies: Mapping[str, Body]) -> Subject:
+def asked_of(scene: SceneFile, bodies: Mapping[str, Body]) -> Asked:
     """What the scene has measured, with the sizes that its named vehicle and column have.
 
     bodies : the scene's bodies by the name they were given, in their places.
     """
-    asked = scene.measured
+    wanted = scene.measured
     face = None
-    if asked.vehicle is not None:
-        low, high = _box(bodies[asked.vehicle])
+    if wanted.vehicle is not None:
+        low, high = _box(bodies[wanted.vehicle])
         face = Face(float(high[1] - low[1]), float(high[2]), float(0.5 * (low[1] + high[1])))
     upright = None
-    if asked.column is not None:
-        low, high = _box(bodies[asked.column])
+    if wanted.column is not None:
+        low, high = _box(bodies[wanted.column])
         upright = (float(0.5 * (low[0] + high[0])), float(0.5 * (low[1] + high[1])), float(high[2]))
-    line_y = MM * asked.line_y_m if scene.road is not None else None  # without a road there is no line on it
-    return Subject(NearLane(MM * asked.lane_m[0], MM * asked.lane_m[1]), line_y, face,
-                   tuple(MM * one for one in asked.distances_m), upright, tuple(MM * one for one in asked.widths_at_m),
-                   math.radians(asked.direct_view_deg), MM * asked.hidden_height_m)
+    line_y = MM * wanted.line_y_m if scene.road is not None else None  # without a road there is no line on it
+    return Asked(NearLane(MM * wanted.lane_m[0], MM * wanted.lane_m[1]), line_y, face,
+                 tuple(MM * one for one in wanted.distances_m), upright, tuple(MM * one for one in wanted.widths_at_m),
+                 math.radians(wanted.direct_view_deg), MM * wanted.hidden_height_m)
 
 
-def measure(mirror: DrivenMirror, subject: Subject) -> Measured:
+def in_use(mirror: DrivenMirror, asked: Asked) -> MirrorInUse:
+    """A mirror on its vehicle as measures see it, with the eye and the lane that its own specification has beside it."""
+    whole = mirror.whole
+    box = box_of(whole)
+    seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
+    view = View(whole, Pose.identity(), eye_position(seat.distance_mm, seat.aligned, box))
+    lane = Lane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, scene.distance_mm)
+    vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked)
+    if mirror.spec is None:
+        return MirrorInUse(view, lane, vehicle=vehicle)
+    designed = design(mirror.spec)
+    horizontal, vertical = (math.degrees(angle) for angle in designed.section_fields_of_view())
+    return MirrorInUse(view, lane, None, designed.left_height_mm, (horizontal, vertical), vehicle)
+
+
+def measure(mirror: DrivenMirror, asked: Asked) -> Measured:
     """All measures of a mirror."""
-    views, own = mirror.views, mirror.own
-    middle, left, right = views.middle, views.left, views.right
-    line = None if subject.line_y is None else road_line(subject.line_y)
-    blind = tuple(blind_zone(left, right, own, subject.lane, height, subject.direct_view)
-                  for height in (0.0, subject.hidden_height))
+    use = in_use(mirror, asked)
+    views = mirror.views
     return Measured(
-        mirror, subject, horizon_margin(middle, own), magnification_map(middle), disparity(views),
-        eye_fields(views, own), grid_distortion(middle),
-        angular_sizes(middle, subject.face, subject.distances, own) if subject.face else (),
-        line_bow(middle, line, own) if line else None, road_straightness(middle, line, own) if line else None,
-        plane_straightness(mirror),
-        column_tilt(middle, column(*subject.column), own) if subject.column else None,
-        seen_ground(left, right, own), seen_widths(left, right, own, subject.widths_at), nearest_at_flank(left, right, own),
-        blind, hidden_car(blind, subject.lane),
-        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, own, subject.lane, TURNS, 0.0, subject.direct_view),
+        mirror, use, asked, use.record(aim_in_use), use.record(map_in_use), use.record(disparity_in_use),
+        use.record(fields_in_use), use.record(distortion_in_use), use.record(sizes_in_use), use.record(bow_in_use),
+        use.record(straightness_in_use), use.record(lane_in_use).percent, use.record(tilt_in_use),
+        seen_ground(views.left, views.right, mirror.own), use.record(widths_in_use), use.record(nearest_in_use),
+        use.record(blind_zones_in_use), use.record(hidden_in_use),
+        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked.lane, TURNS, 0.0, asked.direct_view),
         shown_round(views))
 
 
@@ -137,17 +138,7 @@ def shown_round(views: EyeViews) -> Orientation:
                                                                            for view in (views.left, views.right))))
 
 
-def plane_straightness(mirror: DrivenMirror) -> float | None:
-    """The paper's lane straightness, percent: of the lane on the reference plane, with the eye where the mirror's
-    specification has it and the mirror not turned. None for a mirror in which the lane does not cross both edges."""
-    box = box_of(mirror.whole)
-    seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
-    eye = eye_position(seat.distance_mm, seat.aligned, box)
-    lane = StraightLane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, float(eye[2]) + scene.distance_mm)
-    return lane_straightness_percent(mirror.whole.surface, eye, lane, box)
-
-
-def main_figures(mirror: DrivenMirror, subject: Subject) -> dict[str, float | bool | None]:
+def main_figures(mirror: DrivenMirror, asked: Asked) -> dict[str, float | bool | None]:
     """The figures whose changes are worth following while a mirror is turned or bent; None for what it does not show.
     blind_endless : whether the blind zone goes on where looking ends."""
     found: dict[str, float | bool | None] = dict.fromkeys(
@@ -160,7 +151,7 @@ def main_figures(mirror: DrivenMirror, subject: Subject) -> dict[str, float | bo
     found |= {"flank_share": _number(aim.flank), "horizon_share": _number(aim.horizon)}
     if shown_round(views).twice:
         return found
-    blind = blind_zone(views.left, views.right, mirror.own, subject.lane, 0.0, subject.direct_view)
+    blind = blind_zone(views.left, views.right, mirror.own, asked.lane, 0.0, asked.direct_view)
     width = seen_widths(views.left, views.right, mirror.own, (20_000.0,))[0]
     return found | {"horizon_either_deg": extent(eye_fields(views, mirror.own).horizon_clear.either),
                     "width_at_20_m": width.either_mm / MM, "blind_length_m": blind.length_mm / MM,
@@ -176,7 +167,14 @@ def figures(measured: Measured) -> dict[str, Any]:
     found = _figures(measured)
     if measured.orientation.twice:
         found |= {key: _unmeasured(value) for key, value in found.items() if key not in LOCAL}
-    return found
+    return found | {"measures": {name: value_of(measured, one) for name, one in measures_of(measured.use).items()}}
+
+
+def value_of(measured: Measured, measure: Measure) -> float | None:
+    """A registered figure of a mirror; None for what it does not show, and for what would be told wrongly of it."""
+    if measured.orientation.twice and not measure.local:
+        return None
+    return measure.value(measured.use)
 
 
 def _unmeasured(value: Any) -> Any:

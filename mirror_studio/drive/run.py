@@ -11,7 +11,7 @@ from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.drive import drawings
 from mirror_studio.drive.in_plan import Array, footprint
-from mirror_studio.drive.measured import Measured, figures, main_figures, measure, subject_of
+from mirror_studio.drive.measured import Measured, asked_of, figures, main_figures, measure
 from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
 from mirror_studio.drive.pictures import World, both_eyes
 from mirror_studio.drive.plan import ground_plans
@@ -37,16 +37,16 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
         progress.step(f"{scene.name}: reading bodies")
         world = World(scene)
         bodies = {name: body for name, body in world.named if name}
-        subject = subject_of(scene, bodies)
+        asked = asked_of(scene, bodies)
         measured, changes, rays = [], [], {}
         for mirror in mirrors:
             progress.step(f"{mirror.name}: what both eyes see")
             picture, rays[mirror.name] = both_eyes(mirror, world, progress.share)
             write_png(folder / picture_name(mirror.name), picture)
             progress.step(f"{mirror.name}: measures")
-            measured.append(measure(mirror, subject))
+            measured.append(measure(mirror, asked))
             progress.step(f"{mirror.name}: sensitivity")
-            changes.append(sensitivity(mirror, lambda each: main_figures(each, subject), MM * scene.mirror.bezel_over_m))
+            changes.append(sensitivity(mirror, lambda each: main_figures(each, asked), MM * scene.mirror.bezel_over_m))
         progress.step("drawings and sheet")
         content = _write(folder, scene, measured, changes, rays,
                          [(name, footprint(body.vertices)) for name, body in bodies.items()])
@@ -65,7 +65,7 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
     names = [each.mirror.name for each in measured]
     content = dict(zip(names, found, strict=True))
     write_json(folder / "measures.json", content)
-    write_csv(folder / "measures.csv", names, found)
+    write_csv(folder / "measures.csv", measured)
     write_sheet(folder / "index.html", scene, measured, found)
     specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mirror_studio.drive.measured import Measured
-from mirror_studio.drive.table import cells, rows_of
+from mirror_studio.drive.table import WAY_DEFINITION, WAY_TITLE, cells, groups_of, ways
 from mirror_studio.report.text import fixed, law_in_short, plain, templates
 from mirror_studio.scene_file import AimSection, SceneFile
 
@@ -23,14 +23,14 @@ def picture_name(mirror: str) -> str:
 
 def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]]) -> None:
     """Write index.html, which shows the pictures and drawings beside it."""
-    groups = [(group, [(row, cells(row, figures)) for row in rows]) for group, rows in rows_of(figures[0])]
+    groups = [(group, [(row, cells(row, measured)) for row in rows]) for group, rows in groups_of(measured)]
     mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
                 "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
         title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", lead=_lead(scene), facts=_facts(scene),
-        mirrors=mirrors, groups=groups, line_y=plain(scene.measured.line_y_m),
+        mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)), line_y=plain(scene.measured.line_y_m),
         direct=f"lane lines; direct view ends {plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])
     path.write_text(page, encoding="utf-8")

@@ -50,6 +50,7 @@ from mirror_studio.report.text import (
 )
 from mirror_studio.report.verdict_table import Requirement, view_requirements
 from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.measures.registry import registered
 from raytrace.viewing.camera import Frame
 
 if TYPE_CHECKING:
@@ -67,6 +68,9 @@ CHECKS = {
     "outline_box_mm": "outline read back from DXF, its box",
     "points": "points on the 5 mm grid",
 }
+# Measures that have a row of their own in the report.
+OWN_ROWS = {"h_fov_section_deg", "h_fov_traced_deg", "v_fov_left_section_deg", "v_fov_left_traced_deg",
+            "lane_straightness_percent"}
 UNITS = {"_mm": "mm", "_mm2": "mm²", "_mm3": "mm³", "_deg": "°", "_percent": "%", "_seconds": "s", "_arcsec": "″"}
 
 
@@ -218,9 +222,11 @@ def _view(mirror: Mirror, metrics: Mapping[str, Any]) -> dict[str, Any]:
         return [fixed_with_unit(values.get(name), unit, decimals) for name in names]
 
     plane, smooth = metrics.get("stl_on_plane_mm") or {}, metrics.get("stl_interpolated_on_plane_mm") or {}
-    rays = metrics.get("rays") or {}
+    rays, figures = metrics.get("rays") or {}, metrics.get("measures") or {}
     return {
         "horizontal": pair("h_fov_deg", ("section", "traced")),
+        "more": [(one.title, fixed_with_unit(figures[name], one.unit, one.decimals), one.definition)
+                 for name, one in registered().items() if name in figures and name not in OWN_ROWS],
         "vertical": pair("v_fov_left_deg", ("section", "traced")),
         "lane": pair("lane_straightness_percent", ("traced", "image")),
         "lane_y": lane_in_words(mirror.spec.scene.lane.model_dump()), "plane_mm": plain(mirror.spec.scene.distance_mm),

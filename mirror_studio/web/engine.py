@@ -6,7 +6,7 @@ import io
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -27,6 +27,7 @@ from raytrace.image import photograph
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.magnification import ray_differentials
+from raytrace.measures.registry import measures_of
 from raytrace.rays import Status
 from raytrace.reflector import TRIM_CHORD_MM, Reflector
 from raytrace.scene.reference import Picture, landed, load_picture
@@ -49,6 +50,9 @@ QUICK_SAMPLES, FINE_SAMPLES = 1, 4  # a direction, in the pixels that need more 
 QUICK_ROOM = (640, 480)  # pixels for all pictures while a slider moves; fine ones fill what the page has
 QUICK_QUALITY, FINE_QUALITY = 80, 92  # of the JPEG
 LAYOUTS = {1: ((1, 1),), 2: ((2, 1), (1, 2)), 4: ((4, 1), (2, 2))}  # columns and rows that so many pictures may stand in
+# What the page has columns of its own for.
+IN_FIGURES = {"h_fov_section_deg", "h_fov_traced_deg", "v_fov_left_section_deg", "v_fov_left_traced_deg",
+              "lane_straightness_percent"}
 CACHED = 6  # designs kept: undo, redo and the pinned one come at once
 
 
@@ -96,6 +100,13 @@ class Designed:
                 "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _finite(math.degrees(traced[1]))},
                 "lane_straightness_percent": {
                     "traced": lane_straightness_percent(surface, eye, turn.lane(self.setting.lane), mirror.box)}}
+
+    def measures(self, turn: Turn) -> list[dict[str, str | float | None]]:
+        """The registered measures of the mirror alone that `figures` does not have, as the page shows them."""
+        use = self.setting.in_use(self.reflector, self.mirror)
+        seen = replace(use, setup=replace(use.setup, eye=turn.to_mirror(self.setting.eye)))
+        return [{"name": name, "title": one.title, "unit": one.unit, "decimals": one.decimals, "definition": one.definition,
+                 "value": one.value(seen)} for name, one in measures_of(seen, "setup").items() if name not in IN_FIGURES]
 
     def radii(self) -> dict[str, float | None]:
         """The radii realised at the middle of the box and the smallest ones over it, mm, signed; None where flat."""
@@ -181,7 +192,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflecto
             pictures[f"{name}{number}"] = jpeg(view, quality)
     end = time.perf_counter()
     header = described(one, fine) | {
-        "figures": figures, "plane_z_mm": one.setting.plane_z_mm,
+        "figures": figures, "measures": one.measures(turn), "plane_z_mm": one.setting.plane_z_mm,
         "eyes_mm": [turn.to_mirror(eye).tolist() for eye in eyes],
         "frames": {name: [frame.left, frame.top, frame.pixel, frame.columns, frame.rows] for name, frame in frames.items()},
         "scene_mm": list(scene.bounds()), "layout": layout,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.field_of_view import angle_between
+from raytrace.measures.in_use import MirrorInUse
+from raytrace.measures.registry import Measure, register_family
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 
@@ -83,3 +86,37 @@ def _size(directions: Array) -> tuple[float, float]:
     """The angles between left and right and between bottom and top of directions to the face's nine points, arc minutes."""
     units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     return ARCMIN * angle_between(units[3], units[5]), ARCMIN * angle_between(units[1], units[7])
+
+
+def sizes_in_use(use: MirrorInUse) -> tuple[AngularSize, ...]:
+    """`angular_sizes` of the vehicle that the scene asks about."""
+    there = use.on_vehicle
+    face = there.asked.face
+    return angular_sizes(there.views.middle, face, there.asked.distances, there.host) if face else ()
+
+
+SIDES = (("width", "its two sides at half its height"), ("height", "its lower and upper edge"))
+
+
+@register_family
+def vehicle_sizes(use: MirrorInUse) -> tuple[Measure, ...]:
+    """Width and height of one vehicle at each distance that the scene asks about, in the mirror and in a flat one."""
+    asked = None if use.vehicle is None else use.vehicle.asked
+    found = []
+    for k, at in enumerate(asked.distances if asked is not None and asked.face is not None else ()):
+        place = f"{at / 1e3:g}".replace(".", "_")
+        for i, (side, ends) in enumerate(SIDES):
+            for kind, word, more in (("mirror", "", f"what the mirror shows of {ends}; none where it is not wholly shown"),
+                                     ("flat", ", flat mirror", "the same in a flat mirror in its place")):
+                found.append(Measure(
+                    f"vehicle_{place}_m_{side}_{'' if kind == 'mirror' else 'flat_'}arcmin",
+                    f"vehicle at {at / 1e3:g} m, {side}{word}", "′", 1,
+                    f"angle at the eye between {more}" if kind == "mirror" else more,
+                    partial(_side, k, kind, i), group="Size",
+                    better="more" if kind == "mirror" else None))
+    return tuple(found)
+
+
+def _side(k: int, kind: str, side: int, use: MirrorInUse) -> float | None:
+    seen: tuple[float, float] | None = getattr(use.record(sizes_in_use)[k], kind)
+    return None if seen is None else float(seen[side])

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.ground import side_of
+from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.line_bow import ARCMIN
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.line_image import UP, LineImage, StraightLine, line_images
+from raytrace.visibility.line_image import UP, LineImage, StraightLine, column, line_images
 
 Array = NDArray[np.float64]
 
@@ -64,3 +66,22 @@ def _lean(low: Array, high: Array) -> float:
     right = np.cross(middle, UP)
     right /= np.linalg.norm(right)
     return float(np.arctan2((high - low) @ right, (high - low) @ np.cross(right, middle)))
+
+
+def tilt_in_use(use: MirrorInUse) -> Tilt | None:
+    """`column_tilt` of the column that the scene asks about; None without one, or where it is not shown."""
+    there = use.on_vehicle
+    place = there.asked.column
+    return None if place is None else column_tilt(there.views.middle, column(*place), there.host)
+
+
+def _of_tilt(use: MirrorInUse, name: str) -> float | None:
+    found = use.record(tilt_in_use)
+    return None if found is None else float(getattr(found, name))
+
+
+register(Measure("column_tilt_arcmin", "column tilt", "′", 1, "how far the column's image leans to the right",
+                 lambda use: _of_tilt(use, "arcmin"), group="Straightness", better="less"))
+register(Measure("column_tilt_by_curvature_arcmin", "column tilt by the mirror's curvature", "′", 1,
+                 "less that of a flat mirror tangent there", lambda use: _of_tilt(use, "own_arcmin"), group="Straightness",
+                 better="less"))

@@ -9,7 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.magnification import mirror_grid, ray_differentials
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
 
 Array = NDArray[np.float64]
@@ -119,3 +121,15 @@ def _largest(function: Callable[[Array, Array], Array], values: Array, x: Array,
             best, at = float(near[k]), (float(near_x[k]), float(near_y[k]))
         reach = 2.0 * reach / (np.array(CLOSER) - 1.0)
     return (best, at) if np.isfinite(best) else (None, None)
+
+
+def disparity_in_use(use: MirrorInUse) -> Disparity:
+    """`disparity` of a mirror in use."""
+    return disparity(use.on_vehicle.views)
+
+
+register(Measure("disparity_max_percent", "binocular disparity, largest", "%", 2,
+                 "difference of the horizontal size of a far object between the eyes, of their mean",
+                 lambda use: use.record(disparity_in_use).max_percent, group="Two eyes", better="less"))
+register(Measure("disparity_max_rate_percent_per_mm", "its largest rate of change", "%/mm", 3, "along a row of the mirror",
+                 lambda use: use.record(disparity_in_use).max_rate_percent_per_mm, group="Two eyes", better="less"))

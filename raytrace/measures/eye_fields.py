@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.field_of_view import angle_between
+from raytrace.measures.in_use import MirrorInUse
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
@@ -180,3 +182,30 @@ def _between_edges(view: View) -> float | None:
     inward = surface.edge_inset * (x[1] - x[0])
     _, out = surface.reflected_at(view.eye_in_mirror, x + [inward, -inward], y)
     return float(np.degrees(angle_between(out[0], out[1]))) if np.isfinite(out).all() else None
+
+
+def fields_in_use(use: MirrorInUse) -> EyeFields:
+    """`eye_fields` of a mirror in use."""
+    return eye_fields(use.on_vehicle.views, use.on_vehicle.host)
+
+
+def _upright(use: MirrorInUse) -> float | None:
+    field = use.record(fields_in_use).upright_clear
+    return None if field is None else extent(field.either)
+
+
+register(Measure("h_fov_between_edges_deg", "between the edges", "°", 2,
+                 "angle between the rays reflected at the mirror's two edges, y = 0, for an eye between the two",
+                 lambda use: use.record(fields_in_use).between_edges_deg[1], group="Field of view", better="more"))
+register(Measure("horizon_left_deg", "horizon, left eye", "°", 2,
+                 "azimuths of the horizon that the left eye sees beside the own vehicle",
+                 lambda use: extent(use.record(fields_in_use).horizon_clear.left), group="Field of view", better="more"))
+register(Measure("horizon_right_deg", "horizon, right eye", "°", 2, "the same for the right eye",
+                 lambda use: extent(use.record(fields_in_use).horizon_clear.right), group="Field of view", better="more"))
+register(Measure("horizon_either_deg", "horizon, either eye (ambinocular)", "°", 2, "azimuths that one eye sees at least",
+                 lambda use: extent(use.record(fields_in_use).horizon_clear.either), group="Field of view", better="more"))
+register(Measure("horizon_both_deg", "horizon, both eyes (binocular)", "°", 2, "azimuths that both eyes see",
+                 lambda use: extent(use.record(fields_in_use).horizon_clear.both), group="Field of view", better="more"))
+register(Measure("upright_either_deg", "upright, either eye", "°", 2,
+                 "elevations shown at the azimuth of the mirror's middle, beside the own vehicle", _upright,
+                 group="Field of view", better="more"))

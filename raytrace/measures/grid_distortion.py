@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.in_use import MirrorInUse
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import picture_grid
 from raytrace.viewing.view import View
 
@@ -126,3 +128,15 @@ def _lines(angles: Array, step_deg: float) -> Array:
     low, high = float(np.degrees(angles.min())), float(np.degrees(angles.max()))
     beside = BESIDE * (high - low) / (LOOK - 1)
     return step_deg * np.arange(np.floor((low - beside) / step_deg), np.ceil((high + beside) / step_deg) + 1.0)
+
+
+def distortion_in_use(use: MirrorInUse) -> GridDistortion:
+    """`grid_distortion` from between the eyes of a mirror in use."""
+    return grid_distortion(use.on_vehicle.views.middle)
+
+
+register(Measure("grid_distortion_rms_arcmin", "distortion of the 1° grid, RMS", "′", 1,
+                 "angle at the eye from the affine map that fits best",
+                 lambda use: use.record(distortion_in_use).rms_arcmin, group="Straightness", better="less"))
+register(Measure("grid_distortion_max_arcmin", "distortion of the 1° grid, largest", "′", 1, "the same",
+                 lambda use: use.record(distortion_in_use).max_arcmin, group="Straightness", better="less"))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.in_use import MirrorInUse, finite, metres
+from raytrace.measures.registry import Measure, register, register_family
 from raytrace.viewing.aim import Aim, shown_aim
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View, box_of
@@ -188,3 +191,62 @@ def _from_flank(intervals: Array, own: HostVehicle, side: float) -> float:
     outward = np.sort(side * intervals, axis=1) - own.half_width_mm
     first = outward[(outward[:, 0] <= TOUCHING_MM) & (outward[:, 1] > 0.0)]
     return float(first[0, 1]) if len(first) else 0.0
+
+
+def aim_in_use(use: MirrorInUse) -> HorizonMargin:
+    """`horizon_margin` of a mirror in use, from between the eyes."""
+    return horizon_margin(use.on_vehicle.views.middle, use.on_vehicle.host)
+
+
+def nearest_in_use(use: MirrorInUse) -> tuple[float, float]:
+    """`nearest_at_flank` of a mirror in use."""
+    there = use.on_vehicle
+    return nearest_at_flank(there.views.left, there.views.right, there.host)
+
+
+def widths_in_use(use: MirrorInUse) -> tuple[SeenWidth, ...]:
+    """`seen_widths` of a mirror in use, at the distances that its scene asks about."""
+    there = use.on_vehicle
+    return seen_widths(there.views.left, there.views.right, there.host, there.asked.widths_at)
+
+
+register(Measure("yaw_deg", "yaw", "°", 2, "about the vertical, from facing straight rearward towards the vehicle",
+                 lambda use: float(np.degrees(use.on_vehicle.pose.yaw)), group="Aim", local=True))
+register(Measure("pitch_deg", "pitch", "°", 2, "then about the mirror's own horizontal axis, upwards",
+                 lambda use: float(np.degrees(use.on_vehicle.pose.pitch)), group="Aim", local=True))
+register(Measure("flank_share", "own flank", "of width", 3,
+                 "share of the width, from the inboard edge, that the own flank takes on the row of the horizon, from between "
+                 "the eyes", lambda use: finite(use.record(aim_in_use).aim.flank), group="Aim", local=True))
+register(Measure("horizon_share", "horizon", "of height", 3,
+                 "share of the height, from the lower edge, at which the horizon lies in the middle of the width",
+                 lambda use: finite(use.record(aim_in_use).aim.horizon), group="Aim", local=True))
+register(Measure("above_horizon_deg", "shown above the horizon", "°", 2,
+                 "elevation of the ray at the upper edge, in the middle of the width",
+                 lambda use: finite(np.degrees(use.record(aim_in_use).angle)), group="Aim", local=True))
+
+
+@register_family
+def ground_widths(use: MirrorInUse) -> tuple[Measure, ...]:
+    """Width of the ground seen, at each distance that the scene asks about."""
+    found = []
+    for k, at in enumerate(() if use.vehicle is None else use.vehicle.asked.widths_at):
+        for eyes, word in (("either", "by either eye"), ("both", "by both")):
+            found.append(Measure(
+                f"ground_width_{_distance(at)}_{eyes}_m", f"ground seen {at / 1e3:g} m behind the eyes, {word}", "m", 2,
+                "width of the ground seen outward of the plane of the flank, without a gap",
+                partial(_width, k, eyes),
+                group="Ground and blind zone", better="more"))
+    return tuple(found)
+
+
+def _width(k: int, eyes: str, use: MirrorInUse) -> float | None:
+    return metres(getattr(use.record(widths_in_use)[k], f"{eyes}_mm"))
+
+
+def _distance(at_mm: float) -> str:
+    return f"{at_mm / 1e3:g}".replace(".", "_") + "_m"
+
+
+register(Measure("ground_nearest_m", "nearest ground beside the flank", "m", 2,
+                 "smallest distance behind the eyes at which the ground 0.1 m beside the flank is seen by either eye",
+                 lambda use: metres(use.record(nearest_in_use)[0]), group="Ground and blind zone", better="less"))

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.in_use import MirrorInUse
+from raytrace.measures.registry import Measure, register
 from raytrace.scene.reference import landed
 from raytrace.surfaces.base import OpticalSurface
 from raytrace.viewing.view import View
@@ -144,3 +146,15 @@ def lane_straightness_percent(surface: OpticalSurface, eye: Array, lane: Straigh
     if abs(line) < LEVEL * width:
         return None
     return 100.0 * (abs(float(left - right[0])) - abs(line)) / abs(line)
+
+
+def lane_in_use(use: MirrorInUse) -> LaneStraightness:
+    """`lane_straightness` of a mirror in use, over its outline's own box."""
+    eye = use.setup.eye_in_mirror
+    return LaneStraightness(lane_straightness_percent(use.setup.reflector.surface, eye, use.lane.before(eye), use.box))
+
+
+register(Measure(
+    "lane_straightness_percent", "lane straightness on the reference plane", "%", 1,
+    "the paper's: (|Δy_curve| − |Δy_line|)/|Δy_line| of a straight lane's image between the mirror's edges, the line being its "
+    "tangent at the right one; the mirror not turned", lambda use: use.record(lane_in_use).percent, "setup", "Straightness", "less", local=True))

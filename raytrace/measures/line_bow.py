@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.ground import side_of
+from raytrace.measures.in_use import MirrorInUse
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.line_image import SAMPLES, UP, LineImage, LineView, StraightLine, line_images
+from raytrace.visibility.line_image import SAMPLES, UP, LineImage, LineView, StraightLine, line_images, road_line
 
 Array = NDArray[np.float64]
 
@@ -77,3 +79,20 @@ def _top(x: Array, y: Array) -> float:
         return float(x[1])
     top = 0.5 * (x[0] + x[1]) - left * 0.5 * (x[2] - x[0]) / (right - left)
     return float(np.clip(top, x[0], x[2]))
+
+
+def bow_in_use(use: MirrorInUse) -> Bow | None:
+    """`line_bow` of the lane line that the scene asks about; None without one, or where the mirror shows none of it."""
+    there = use.on_vehicle
+    line = there.asked.line_y
+    return None if line is None else line_bow(there.views.middle, road_line(line), there.host)
+
+
+def _bow(use: MirrorInUse) -> float | None:
+    found = use.record(bow_in_use)
+    return None if found is None else found.arcmin
+
+
+register(Measure("lane_bow_arcmin", "lane bow", "′", 1,
+                 "largest angle between the image of the lane line on the road and the great circle through its ends, positive "
+                 "upwards", _bow, group="Straightness", better="less"))

@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.in_use import MirrorInUse, finite
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
@@ -171,3 +173,30 @@ def _seen_sizes(matrix: Array) -> tuple[Array, Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         area = 1.0 / np.abs(_determinant(matrix))
         return np.hypot(matrix[:, 1, 1], matrix[:, 1, 0]) * area, np.hypot(matrix[:, 0, 1], matrix[:, 0, 0]) * area, area
+
+
+def map_in_use(use: MirrorInUse) -> MagnificationMap:
+    """`magnification_map` of far things, from between the eyes of a mirror in use."""
+    return magnification_map(use.on_vehicle.views.middle)
+
+
+def _middle(values: Array, found: MagnificationMap) -> float | None:
+    return finite(values[int(np.argmin(np.abs(found.y))), int(np.argmin(np.abs(found.x)))])
+
+
+def _least(values: Array) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.min()) if known.size else None
+
+
+register(Measure("magnification_middle", "horizontal magnification, middle", "", 3,
+                 "seen size of a far, level object over that in a flat mirror at the same place",
+                 lambda use: _middle(use.record(map_in_use).magnification.horizontal, use.record(map_in_use)), group="Size",
+                 better="more", local=True))
+register(Measure("magnification_least", "horizontal magnification, least", "", 3, "over the mirror",
+                 lambda use: _least(use.record(map_in_use).magnification.horizontal), group="Size", better="more", local=True))
+register(Measure("magnification_vertical_middle", "vertical magnification, middle", "", 3, "the same of an upright object",
+                 lambda use: _middle(use.record(map_in_use).magnification.vertical, use.record(map_in_use)), group="Size",
+                 better="more", local=True))
+register(Measure("magnification_ratio_least", "horizontal over vertical, least", "", 3, "below 1 things look too slim",
+                 lambda use: _least(use.record(map_in_use).magnification.ratio), group="Size", better="more", local=True))

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.lane import LEVEL
+from raytrace.measures.registry import Measure, register
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.line_image import LineImage, LineView, StraightLine, line_images
+from raytrace.visibility.line_image import LineImage, LineView, StraightLine, line_images, road_line
 
 Array = NDArray[np.float64]
 
@@ -67,3 +69,20 @@ def road_straightness(view: View, line: StraightLine, own: HostVehicle | None = 
         return None
     return RoadStraightness(100.0 * (abs(float(rise)) - abs(straight)) / abs(straight), image.on_mirror[-1, :2],
                             image.on_mirror[0, :2], float(image.on_mirror[-1, 1]) + straight, image)
+
+
+def straightness_in_use(use: MirrorInUse) -> RoadStraightness | None:
+    """`road_straightness` of the lane line that the scene asks about; None without one, or where too little of it is shown."""
+    there = use.on_vehicle
+    line = there.asked.line_y
+    return None if line is None else road_straightness(there.views.middle, road_line(line), there.host)
+
+
+def _percent(use: MirrorInUse) -> float | None:
+    found = use.record(straightness_in_use)
+    return None if found is None else found.percent
+
+
+register(Measure("lane_straightness_road_percent", "lane straightness on the road", "%", 1,
+                 "|Δy_curve| − |Δy_line| over |Δy_line|, the line being the image's tangent at its far end", _percent,
+                 group="Straightness", better="less"))

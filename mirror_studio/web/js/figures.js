@@ -51,6 +51,7 @@ export class Figures {
     this.table = table;
     this.store = store;
     this.cells = {};
+    this.more = []; // measures beyond those of FIGURES
     this.last = {}; // of figures that are worked out when the hand rests
     this.typed = null; // the limit that is being entered
     table.addEventListener("input", (event) => { this.typed = event.target; }, true);
@@ -65,6 +66,8 @@ export class Figures {
       { scope: "col", title: figure.about, tabindex: 0 }, figure.label, el("span", { class: "unit" }, ` ${figure.unit}`)))));
     table.append(el("thead", {}, top), el("tbody", {}, row("now", "This design"), row("pinned", "Pinned (A)"), row("change", "Change"),
       row("limit", "Limits"), row("verdict", "Verdict")));
+    this.rows = { head: top };
+    for (const name of ["now", "pinned", "change", "limit", "verdict"]) this.rows[name] = table.querySelector(`tr.${name}`);
     for (const { id, label } of FIGURES) {
       this.cells[`now ${id}`].dataset.testid = id;
       const inputs = ["least", "most"].map((which, i) => el("input", { type: "number", step: "any", name: `limits.${LIMITS[id] ?? id}.${i}`, placeholder: i ? "most" : "least",
@@ -91,8 +94,28 @@ export class Figures {
     }
   }
 
+  // Measures that the page has no column for get one: whoever registers one sees it here.
+  extend(measures) {
+    for (const { name, title, unit, decimals, definition } of measures) {
+      if (this.cells[`now ${name}`]) continue;
+      const cell = (row, tag, about = {}, ...words) => this.rows[row].append((this.cells[`${row} ${name}`] = el(tag, about, ...words)));
+      cell("head", "th", { scope: "col", title: definition, tabindex: 0 }, title, el("span", { class: "unit" }, ` ${unit}`));
+      for (const row of ["now", "pinned", "change", "limit", "verdict"]) cell(row, "td");
+      this.cells[`now ${name}`].dataset.testid = name;
+      const of = (answer) => answer.measures?.find((one) => one.name === name)?.value ?? null;
+      this.more.push({ name, of, show: (value) => fixed(value, decimals) });
+    }
+  }
+
   shown(answer, pinned) {
     if (answer) this.answer = answer;
+    this.extend(this.answer?.measures ?? []);
+    for (const { name, of, show } of this.more) {
+      const now = this.answer ? of(this.answer) : null, was = pinned ? of(pinned) : null;
+      say(this.cells[`now ${name}`], now === null ? "–" : show(now));
+      say(this.cells[`pinned ${name}`], !pinned ? "" : was === null ? "–" : show(was));
+      say(this.cells[`change ${name}`], now === null || was === null ? "" : signed(show(now - was)));
+    }
     const { look } = this.store.now;
     for (const figure of FIGURES) {
       const { id, of, show, fine } = figure;

@@ -1,0 +1,108 @@
+"""A mirror in use: what measures are taken of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from raytrace.viewing.eye_views import EyeViews
+
+if TYPE_CHECKING:
+    from raytrace.measures.angular_size import Face
+    from raytrace.measures.blind_zone import NearLane
+    from raytrace.measures.lane import Lane
+    from raytrace.reflector import Reflector
+    from raytrace.viewing.pose import Pose
+    from raytrace.viewing.vehicle import Eyes, HostVehicle
+    from raytrace.viewing.view import View
+
+Box = tuple[float, float, float, float]
+Record = TypeVar("Record")
+MM_PER_M = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a scene has measured, mm and radians: the lane beside, its line's Y, the fronts of one vehicle at some distances, a
+    column's X, Y and height, distances at which the ground's width counts, where direct view ends, and the height of what may
+    hide in the lane beside."""
+
+    lane: NearLane
+    line_y: float | None
+    face: Face | None
+    distances: tuple[float, ...]
+    column: tuple[float, float, float] | None
+    widths_at: tuple[float, ...]
+    direct_view: float
+    hidden_height: float
+
+
+@dataclass(frozen=True, eq=False)
+class OnVehicle:
+    """A mirror as it is aimed on a vehicle, whose driver looks into it with two eyes."""
+
+    reflector: Reflector
+    pose: Pose
+    eyes: Eyes
+    host: HostVehicle
+    asked: Asked
+
+    @cached_property
+    def views(self) -> EyeViews:
+        """Seen by the left eye, from the middle between the eyes, and by the right eye."""
+        return EyeViews.of(self.reflector, self.pose, self.eyes)
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorInUse:
+    """A mirror as measures see it.
+
+    Parameters
+    ----------
+    setup : the mirror in its own coordinates, with the eye where its specification has it.
+    lane : the paper's, on the plane behind that eye.
+    outline_box : (x_min, x_max, y_min, y_max) of the outline itself, mm, where it is known better than by the reflector's rim.
+    left_height_mm : of the mirror at its left edge, before rounding; that of the box, where it is not known.
+    sections_deg : horizontal and left vertical field of view of the design's sections alone, where it was designed.
+    vehicle : the mirror on its vehicle; None for what is looked at alone.
+    """
+
+    setup: View
+    lane: Lane
+    outline_box: Box | None = None
+    left_height_mm: float | None = None
+    sections_deg: tuple[float, float] | None = None
+    vehicle: OnVehicle | None = None
+    _records: dict[object, object] = field(default_factory=dict, repr=False)
+
+    @property
+    def box(self) -> Box:
+        """(x_min, x_max, y_min, y_max) of what reflects, mm."""
+        return self.setup.box if self.outline_box is None else self.outline_box
+
+    def record(self, take: Callable[[MirrorInUse], Record]) -> Record:
+        """What a function finds of this mirror, worked out once: several figures come from one record."""
+        if take not in self._records:
+            self._records[take] = take(self)
+        return self._records[take]  # type: ignore[return-value]  # what `take` returned
+
+    @property
+    def on_vehicle(self) -> OnVehicle:
+        """The mirror on its vehicle. Raises: ValueError where it is on none."""
+        if self.vehicle is None:
+            raise ValueError("this measure is one of a mirror on a vehicle")
+        return self.vehicle
+
+
+def finite(value: float | None) -> float | None:
+    """The number, None for what is none."""
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def metres(value_mm: float | None) -> float | None:
+    """Millimetres as metres."""
+    return finite(None if value_mm is None else value_mm / MM_PER_M)
