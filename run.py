@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Set up mirror-cad in .venv and run it. Needs Python 3.11 or 3.12 with pip, and nothing else.
+"""Set up mirror-cad in .venv and run it. Needs Python 3.11, 3.12, 3.13 or 3.14 with pip, and nothing else.
 
     python3.11 run.py paper           reproduce the paper into exports/paper
     python3.11 run.py COMMAND …       any other mirror-cad command (--help lists them)
@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import ctypes.util
 import hashlib
+import os
+import shutil
 import subprocess
 import sys
 import venv
@@ -19,16 +21,18 @@ from pathlib import Path
 
 HOME = Path(__file__).resolve().parent
 VENV = HOME / ".venv"
-PYTHON = VENV / "bin" / "python"
-# What the CAD kernel, VTK and numba load from the system, and the Debian package that has it.
-SYSTEM_LIBRARIES = {
-    "GL": "libgl1", "X11": "libx11-6", "Xrender": "libxrender1", "expat": "libexpat1", "gomp": "libgomp1",
-}
+PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+PYTHONS = ((3, 11), (3, 12), (3, 13), (3, 14))
+# What the CAD kernel and numba load from the system, and the Debian package that has it.
+SYSTEM_LIBRARIES = {"GL": "libgl1", "X11": "libx11-6", "expat": "libexpat1", "gomp": "libgomp1"}
 
 
 def main(arguments: list[str]) -> int:
-    if not (3, 11) <= sys.version_info[:2] < (3, 13):
-        return _stop(f"Python 3.11 or 3.12 is needed (this is {sys.version.split()[0]}): run  python3.11 run.py …")
+    if sys.version_info[:2] not in PYTHONS:
+        known = [f"{major}.{minor}" for major, minor in PYTHONS]
+        here = next((f"python{name}" for name in reversed(known) if shutil.which(f"python{name}")), f"python{known[0]}")
+        return _stop(f"Python {', '.join(known[:-1])} or {known[-1]} is needed (this is {sys.version.split()[0]}): "
+                     f"run  {here} run.py …")
     if not arguments:
         print(__doc__)
         return 2
@@ -41,9 +45,10 @@ def main(arguments: list[str]) -> int:
 
 
 def _set_up(lock: str) -> bool:
-    """Install a lock file into .venv unless its stamp says that it, and pyproject.toml, are as they were."""
+    """Install a lock file into .venv unless its stamp says that it, pyproject.toml and Python are as they were."""
     stamp = VENV / f"{lock}.stamp"
-    wanted = hashlib.sha256(b"".join((HOME / name).read_bytes() for name in (lock, "pyproject.toml"))).hexdigest()
+    python = "{}.{}".format(*sys.version_info)
+    wanted = python + hashlib.sha256(b"".join((HOME / name).read_bytes() for name in (lock, "pyproject.toml"))).hexdigest()
     if stamp.is_file() and stamp.read_text() == wanted:
         return True
     missing = [package for name, package in SYSTEM_LIBRARIES.items() if ctypes.util.find_library(name) is None]
@@ -51,12 +56,15 @@ def _set_up(lock: str) -> bool:
         _stop("the system lacks libraries that the CAD kernel loads; on Debian or Ubuntu:  apt-get install "
               + " ".join(missing))
         return False
-    if not PYTHON.exists():
-        print("Making the environment in .venv", file=sys.stderr)
-        venv.create(VENV, with_pip=True)
-    print(f"Installing the versions of {lock} (some 2 GB; about a minute, once)", file=sys.stderr, flush=True)
+    stamps = list(VENV.glob("*.stamp"))  # an environment without one was not made here, and is not taken away
+    of_another = any(not each.read_text().startswith(python) for each in stamps)
+    if not PYTHON.exists() or of_another:
+        print(f"Making the environment in .venv, for Python {python}", file=sys.stderr)
+        venv.create(VENV, with_pip=True, clear=of_another)
+    print(f"Installing the versions of {lock} (some 3 GB; about two minutes, once)", file=sys.stderr, flush=True)
     pip = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    steps = ([*pip, "--require-hashes", "-r", HOME / lock],
+    # Without dependencies: the lock has them all but one, which build123d asks for and the lock leaves out on purpose.
+    steps = ([*pip, "--no-deps", "--require-hashes", "-r", HOME / lock],
              [*pip, "--no-deps", "--no-build-isolation", "--no-index", "-e", HOME])
     for step in steps:
         if subprocess.call(step) != 0:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mirror_cad.errors import (
         FileError,
+        InstallationError,
         MirrorError,
         OutlineError,
         ProfileError,
@@ -21,14 +22,14 @@ if TYPE_CHECKING:
 
 # Loaded when first asked for, so that importing the package costs nothing and brings in no kernel.
 _HOME = {
-    "FileError": "errors", "MirrorError": "errors", "OutlineError": "errors", "ProfileError": "errors",
-    "SolidError": "errors", "SpecError": "errors", "SurfaceError": "errors", "WriteError": "errors",
+    "FileError": "errors", "InstallationError": "errors", "MirrorError": "errors", "OutlineError": "errors",
+    "ProfileError": "errors", "SolidError": "errors", "SpecError": "errors", "SurfaceError": "errors", "WriteError": "errors",
     "Mirror": "mirror", "design": "mirror",
     "MirrorSpec": "spec", "load_spec": "spec_file", "preset_names": "spec_file",
 }
 __all__ = [
-    "FileError", "Mirror", "MirrorError", "MirrorSpec", "OutlineError", "ProfileError", "SolidError", "SpecError",
-    "SurfaceError", "WriteError", "design", "load_spec", "preset_names",
+    "FileError", "InstallationError", "Mirror", "MirrorError", "MirrorSpec", "OutlineError", "ProfileError", "SolidError",
+    "SpecError", "SurfaceError", "WriteError", "design", "load_spec", "preset_names",
 ]
 
 

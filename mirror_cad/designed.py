@@ -34,7 +34,7 @@ class DesignedCurvature:
         """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm."""
         grid = Grid.over(outline)
         # The laws depend on x alone: each column of cells counts as often as it has cells inside, the edge not at all.
-        return rms_norm(self.shape(grid.cells_x), grid.inside.sum(axis=1))
+        return rms_norm(self.shape(grid.cells_x), grid.inside.sum(axis=1, dtype=np.float64))
 
     def percent_of(self, x: Array, rms: float) -> Array:
         """What counts as 100 % at x for k1 and k2, (n, 2): the designed pair, larger first, not below the floor."""

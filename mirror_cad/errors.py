@@ -35,3 +35,7 @@ class FileError(MirrorError):
 
 class WriteError(MirrorError):
     """A file of our own that cannot be written (a full disk), or reads back different from what was meant."""
+
+
+class InstallationError(MirrorError, ImportError):
+    """A library that is not installed here, or not as this package needs it: the CAD kernel, Embree."""

@@ -185,12 +185,16 @@ class Mirror:
 
     def to_build123d(self) -> Any:
         """The plate as a build123d Part (mm)."""
+        plate = self.plate  # its kernel is checked before build123d loads it
         import build123d
 
-        return build123d.Part([build123d.Solid(self.plate.solid)], label=self.spec.name)
+        return build123d.Part([build123d.Solid(plate.solid)], label=self.spec.name)
 
     def to_cadquery(self) -> Any:
         """The same plate as a cadquery Workplane (mm)."""
+        from mirror_cad.occt.kernel import check_kernel_for_cadquery
+
+        check_kernel_for_cadquery()
         import cadquery
 
         return cadquery.Workplane(obj=cadquery.Solid(self.plate.solid))

@@ -27,6 +27,7 @@ Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files;
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the metrics as JSON to the standard output.")]
 Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the report as PDF too; needs the extra `pdf`.")]
 
+Png = Annotated[list[Path] | None, Parameter(name="--png", negative=(), consume_multiple=(0, 1))]
 Parts = Annotated[list[str] | None, Parameter(name="--part", negative=())]
 
 
@@ -100,7 +101,7 @@ def _chosen_face(text: str | None) -> str | int | tuple[int, int, int] | None:
 
 
 @app.command
-def view(what: str, /, *, out: Out = None, vtp: Path | None = None, screenshot: Path | None = None) -> int:
+def view(what: str, /, *, out: Out = None, vtp: Path | None = None, png: Png = None) -> int:
     """Open a window with a mirror, its curvature and the rays from the eye, and write them for ParaView.
 
     Parameters
@@ -108,26 +109,32 @@ def view(what: str, /, *, out: Out = None, vtp: Path | None = None, screenshot: 
     what
         A TOML file, the name of a preset, or a .step or .stp file in mirror coordinates, mm.
     vtp
-        A folder or a .vtp file: write mirror.vtp and rays.vtp there and open no window; needs no display.
-    screenshot
-        A picture file: draw the window into it and close it.
+        A folder or a .vtp file: write mirror.vtp and rays.vtp there and open no window.
+    png
+        Draw the window into this .png file, or beside the files for ParaView where none is named; needs no display.
     """
-    if vtp is not None and (out is not None or screenshot is not None):
-        print("mirror-cad: --vtp opens no window and writes to its own place: without --out and --screenshot", file=sys.stderr)
+    if vtp is not None and (out is not None or png is not None):
+        print("mirror-cad: --vtp opens no window and writes to its own place: without --out and --png", file=sys.stderr)
         return BAD_INPUT
     if vtp is None:
-        from mirror_studio.desktop.display import check_display
+        from mirror_studio.desktop.display import check_display, check_picture
 
-        check_display()
+        if png:
+            check_picture(png[0])
+        check_display(on_screen=png is None)
     from mirror_studio.desktop.paraview import write_vtp
     from mirror_studio.desktop.subject import load_subject
 
     subject = load_subject(what)
-    write_vtp(subject, vtp or out or Path("exports") / f"{subject.name}-view")
-    if vtp is None:
-        from mirror_studio.desktop.window import open_window
+    if vtp is not None:
+        write_vtp(subject, vtp)
+        return DONE
+    from mirror_studio.desktop.window import open_window
 
-        open_window(subject, screenshot)
+    beside = png is not None and not png
+    write_vtp(subject, out or Path("exports") / f"{subject.name}-view", open_window if beside else None)
+    if not beside:
+        open_window(subject, png[0] if png else None)
     return DONE
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import ArrayLike, NDArray
 
+from mirror_cad.errors import InstallationError
 from raytrace.kernels import facets
 from raytrace.parallel import parallel_for
+
+if TYPE_CHECKING:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
 Array = NDArray[np.float64]
 
@@ -36,7 +39,7 @@ class TriangleScene:
     """One mesh, committed once.
 
     vertices (n, 3), finite, any unit and place; faces (m, 3), integers below n.
-    Raises: ValueError that names what is wrong with them.
+    Raises: ValueError that names what is wrong with them; InstallationError where embreex is not installed.
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
@@ -65,8 +68,7 @@ class TriangleScene:
         self._faces = np.ascontiguousarray(corners, dtype=np.int32)
         cast_corners = np.empty((len(corners), 3, 3), dtype=np.float32)
         facets.overlapping(self._vertices, self._faces, cast_corners)
-        self._scene = EmbreeScene(robust=True)
-        self._mesh = TriangleMesh(self._scene, cast_corners)
+        self._scene, self._mesh = _embree_scene(cast_corners)
         # The first run commits the scene: do it here, before threads share it.
         self._scene.run(np.zeros((1, 3), dtype=np.float32), np.ones((1, 3), dtype=np.float32))
 
@@ -111,6 +113,18 @@ class TriangleScene:
         if fault != facets.GOOD:
             _refuse(fault, part.start + row, starts[min(row, len(starts) - 1)], rays[row])
         return ends
+
+
+def _embree_scene(corners: NDArray[np.float32]) -> tuple[EmbreeScene, TriangleMesh]:
+    """Loaded here, so that surfaces can be traced where no wheel of embreex exists."""
+    try:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+    except ImportError as error:
+        raise InstallationError(f"triangles are traced with Embree, and embreex cannot be imported ({error}): meshes and the "
+                                f"lit road need it; pip install embreex, which has no wheel for Linux on aarch64") from error
+    scene = EmbreeScene(robust=True)
+    return scene, TriangleMesh(scene, corners)
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import json
 import os
 import shutil
@@ -19,7 +20,7 @@ from mirror_cad.deviation import against_design
 from mirror_cad.surfaces.differential import normals, principal_curvatures
 from mirror_studio.cli import run
 from mirror_studio.desktop.sheet import sheet
-from mirror_studio.desktop.window import colour_range
+from mirror_studio.desktop.window import colour_range, round_step
 from tests.conftest import designed
 
 FIELDS = {"Rx", "Ry", "k1", "k2", "Ka", "deviation", "normals"}
@@ -32,11 +33,11 @@ def command(*arguments: object, environment: dict[str, str]) -> subprocess.Compl
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files of progressive-c, written where no display is."""
+    """The files of progressive-c and its picture, made where no display is."""
     folder = tmp_path_factory.mktemp("view") / "set"
     environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
-    result = command("progressive-c", "--vtp", folder, environment=environment)
-    assert (result.returncode, result.stdout) == (0, ""), result.stderr
+    result = command("progressive-c", "--out", folder, "--png", environment=environment)
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
     return folder
 
 
@@ -144,12 +145,13 @@ def test_colours_span_what_is_there_and_signed_fields_lie_about_zero() -> None:
 
 
 @pytest.mark.parametrize(("display", "words"), [(None, "DISPLAY is not set"), (":9999", "the display :9999")])
-def test_without_a_display_it_says_so_and_writes_nothing(display: str | None, words: str, tmp_path: Path) -> None:
+def test_no_window_without_a_display_and_nothing_is_written(display: str | None, words: str, tmp_path: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
     environment |= {"DISPLAY": display} if display else {}
     result = command("progressive-c", "--out", tmp_path / "set", environment=environment)
     assert result.returncode == 2, result.stderr
     assert words in result.stderr
+    assert "--png" in result.stderr
     assert "--vtp" in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
@@ -157,7 +159,8 @@ def test_without_a_display_it_says_so_and_writes_nothing(display: str | None, wo
 
 @pytest.mark.parametrize(("arguments", "words"), [
     (["nothing-such", "--vtp", "a"], "no such file or preset"), (["nothing.step", "--vtp", "a"], "no such file"),
-    (["progressive-c", "--vtp", "a", "--out", "b"], "without --out"),
+    (["progressive-c", "--vtp", "a", "--out", "b"], "without --out"), (["progressive-c", "--vtp", "a", "--png"], "and --png"),
+    (["progressive-c", "--png", "a.jpg"], "must end in .png"), (["progressive-c", "--png", "no/such/a.png"], "no folder"),
     (["progressive-c", "--vtp", "no/such/a.vtp"], "no folder")])
 def test_bad_input_is_named_and_ends_with_2(arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                             capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,18 +187,52 @@ def screen(tmp_path: Path) -> Iterator[str]:
         server.terminate()
 
 
-def test_window_shows_the_mirror_in_colours_and_the_fan(screen: str, tmp_path: Path) -> None:
+def test_without_a_display_the_mirror_in_colours_and_the_rays_are_drawn(written: Path) -> None:
+    """By EGL, into the set."""
     from PIL import Image
 
-    result = command("progressive-c", "--out", tmp_path / "set", "--screenshot", tmp_path / "window.png",
-                     environment=os.environ | {"DISPLAY": screen})
-    assert result.returncode == 0, result.stderr
-    assert (tmp_path / "set" / "mirror.vtp").is_file()
-    picture = np.asarray(Image.open(tmp_path / "window.png").convert("RGB")).astype(int)
+    picture = np.asarray(Image.open(written / "view.png").convert("RGB")).astype(int)
     rows, columns = picture.shape[:2]
     middle = picture[rows // 2 - 20: rows // 2 + 20, : columns // 2]
-    yellow, violet = ([(np.abs(middle - np.array(colour)).sum(axis=2) < 60).sum() for colour in ((253, 231, 37), (68, 1, 84))])
-    # Rx is 1250 mm over more than half of the mirror, and 400 mm at its outer edge.
-    assert yellow > 5 * violet > 0
-    orange = (np.abs(picture[:, columns // 2:] - np.array([213, 94, 0])).sum(axis=2) < 60).sum()
-    assert orange > 1000
+    # viridis from 400 to 1300 mm: Rx is 1250 mm over more than half of the mirror, and 400 mm at its outer edge.
+    light, violet = ([(np.abs(middle - np.array(colour)).sum(axis=2) < 30).sum() for colour in ((220, 227, 25), (68, 1, 84))])
+    assert light > 5 * violet > 0
+    for part in (picture[: rows // 2, columns // 2:], picture[rows // 2:, columns // 2:]):  # near the mirror, and to the plane
+        assert (part[..., 0] - part[..., 2] > 60).sum() > 3000  # orange, 59 rays of some hundred pixels
+    assert set(json.loads((written / "manifest.json").read_text())["files"]) == {"mirror.vtp", "rays.vtp", "view.png"}
+
+
+def test_a_window_opens_where_there_is_a_screen(screen: str, tmp_path: Path) -> None:
+    """It stays until it is closed: what the display shows is looked at meanwhile."""
+    from PIL import ImageGrab
+
+    program = [sys.executable, "-m", "mirror_studio", "view", "progressive-c", "--out", str(tmp_path / "set")]
+    with subprocess.Popen(program, env=os.environ | {"DISPLAY": screen}, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            colours, until = 0, time.monotonic() + 120.0
+            while colours < 100 and time.monotonic() < until and process.poll() is None:
+                time.sleep(0.5)
+                colours = len(ImageGrab.grab(xdisplay=screen).getcolors(1_000_000))
+            assert process.poll() is None, process.stderr and process.stderr.read()
+            assert colours >= 100
+        finally:
+            process.terminate()
+
+
+def test_where_nothing_can_draw_it_says_what_is_missing(tmp_path: Path) -> None:
+    """VTK ends the process there, so the question comes first. The loader of EGL is shown no driver."""
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+    result = command("progressive-c", "--out", tmp_path / "set", "--png",
+                     environment=environment | {"__EGL_VENDOR_LIBRARY_DIRS": str(tmp_path)})
+    if ctypes.util.find_library("OSMesa") is not None:
+        assert result.returncode == 0, result.stderr
+        return
+    assert result.returncode == 2, result.stderr
+    assert "apt-get install libegl1" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("low", "high", "step"), [(400.0, 1258.0, 100.0), (-3.0, 3.0, 1.0), (0.0, 1.0, 0.2),
+                                                   (940.0, 950.0, 2.0)])
+def test_colour_bar_has_round_steps(low: float, high: float, step: float) -> None:
+    assert round_step(low, high) == pytest.approx(step, rel=1e-12)

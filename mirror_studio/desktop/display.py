@@ -1,33 +1,52 @@
-"""Nothing in, whether a window can be opened here out: asked in a child, since VTK ends the process where it cannot."""
+"""Nothing in, whether VTK can draw here, and on a screen, out; and a picture's file before anything is made."""
 
 from __future__ import annotations
 
+import ctypes.util
 import os
-import subprocess
 import sys
+from pathlib import Path
 
 from mirror_cad.errors import SpecError
 
-SECONDS = 60.0  # a display across a network that has not answered by then is none to work on
-WITHOUT = "`--vtp DIR` writes the same for ParaView without a display"
-# Opens what the window will need and draws in it. VTK without a display aborts, and with it its process: this one.
-TRIAL = """
-import pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
-plotter.add_mesh(pyvista.Sphere())
-plotter.show(auto_close=True)
-"""
+# VTK takes the first of the system's windows (X on Linux), EGL and OSMesa that it can reach; OSMesa even where it is not there.
+INTO_MEMORY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
-def check_display() -> None:
-    """Raise SpecError where no window can be opened: DISPLAY is not set, or nothing answers there, or it cannot draw."""
-    name = os.environ.get("DISPLAY")
-    if not name:
-        raise SpecError(f"there is no display here (DISPLAY is not set), so no window can be opened; {WITHOUT}")
-    try:
-        tried = subprocess.run([sys.executable, "-c", TRIAL], capture_output=True, text=True, errors="replace", timeout=SECONDS)
-    except subprocess.TimeoutExpired:
-        raise SpecError(f"the display {name} does not answer within {SECONDS:g} s; {WITHOUT}") from None
-    if tried.returncode != 0:
-        raise SpecError(f"no window can be opened on the display {name} (DISPLAY): it cannot be reached, or draws no OpenGL; "
-                        f"{WITHOUT}")
+def check_display(on_screen: bool) -> None:
+    """Make sure that VTK can draw a picture here, or open a window.
+
+    Raises
+    ------
+    SpecError
+        Where it cannot, with what can be done.
+    """
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401 (has the kinds of window that the next one chooses from)
+    from vtkmodules.vtkCommonCore import vtkLogger
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns of each display that it tries
+    kind = vtkRenderWindow().GetClassName()
+    if kind == "vtkOSOpenGLRenderWindow" and ctypes.util.find_library("OSMesa") is None:  # it would end the process
+        raise SpecError("nothing can be drawn here: there is no display that draws OpenGL, and neither EGL nor OSMesa to draw "
+                        "without one; on Debian or Ubuntu:  apt-get install libegl1.  `--vtp DIR` writes the same for ParaView")
+    if on_screen and kind in INTO_MEMORY:
+        name = os.environ.get("DISPLAY")
+        why = (f"the display {name} (DISPLAY) cannot be reached, or draws no OpenGL" if name and sys.platform == "linux"
+               else "there is no display here (DISPLAY is not set)")
+        raise SpecError(f"no window can be opened: {why}; `--png` draws a picture without one, and `--vtp DIR` writes the same "
+                        f"for ParaView")
+
+
+def check_picture(path: Path) -> None:
+    """Make sure that a picture can be written there.
+
+    Raises
+    ------
+    SpecError
+        For another ending than .png, or a folder that is not there.
+    """
+    if path.suffix.lower() != ".png":
+        raise SpecError(f"--png {path}: the file must end in .png")
+    if not path.parent.is_dir():
+        raise SpecError(f"--png {path}: there is no folder {path.parent}")

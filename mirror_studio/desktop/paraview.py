@@ -1,7 +1,8 @@
-"""A subject in, mirror.vtp and rays.vtp out: VTK's polygon files, as ParaView and pyvista read them, without a display."""
+"""A subject in, mirror.vtp and rays.vtp out: VTK's polygon files, as ParaView and pyvista read them; and a picture beside."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.desktop.sheet import UNITS, Sheet
 from mirror_studio.desktop.subject import Fan, Subject
 
-MIRROR, RAYS = "mirror.vtp", "rays.vtp"
+MIRROR, RAYS, PICTURE = "mirror.vtp", "rays.vtp", "view.png"
 
 
 def mirror_mesh(shown: Sheet) -> Any:
@@ -39,20 +40,25 @@ def ray_lines(fan: Fan) -> Any:
     return mesh
 
 
-def write_vtp(subject: Subject, target: Path) -> None:
+def write_vtp(subject: Subject, target: Path, draw: Callable[[Subject, Path], None] | None = None) -> None:
     """Into a folder, which is replaced as a whole, as MIRROR and RAYS; or as the .vtp file named, with NAME-rays.vtp beside.
 
+    draw : makes a picture too: PICTURE in the folder, or NAME.png beside the file.
     Raises: SpecError for a target that cannot be, WriteError where a file reads back different.
     """
     if target.suffix.lower() == ".vtp":
         if not target.parent.is_dir():
             raise SpecError(f"--vtp {target}: there is no folder {target.parent}")
         _write(subject, target, target.with_name(f"{target.stem}-rays.vtp"))
+        if draw is not None:
+            draw(subject, target.with_suffix(".png"))
         return
     from mirror_studio.build.pipeline import hashes, write_json
 
     with new_set(target) as folder:
         _write(subject, folder / MIRROR, folder / RAYS)
+        if draw is not None:
+            draw(subject, folder / PICTURE)
         write_json(folder / MANIFEST, {"schema": 1, "viewed": subject.name, "files": hashes(folder)})
 
 
