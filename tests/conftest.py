@@ -12,7 +12,7 @@ from hypothesis import settings
 
 import mirror_cad
 from mirror_cad.mirror import Mirror
-from mirror_cad.spec_file import validate_spec
+from mirror_cad.spec.file import validate_spec
 
 # The machine is shared: a slow example is no failure.
 settings.register_profile("shared", deadline=None, print_blob=True)
