@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 _units: dict[str, str] = {}
+_sources: list[Callable[[], object]] = []
+
+
+def add_source(source: Callable[[], object]) -> None:
+    """Name a function that registers further figures: called once, when a specification names one that is not known."""
+    _sources.append(source)
 
 
 def allow_limit(name: str, unit: str) -> None:
@@ -18,4 +26,6 @@ def allow_limit(name: str, unit: str) -> None:
 
 def limit_units() -> dict[str, str]:
     """The figures that may be limited, with their units."""
+    while _sources:
+        _sources.pop()()
     return dict(_units)

@@ -5,31 +5,26 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.curvature import CurvatureLaw, Span, smooth_extrapolation
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.deviation import CurvatureDeviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
-from mirror_cad.laws import law_from, solve_match
+from mirror_cad.laws import CurvatureLaw, Law, Span
+from mirror_cad.laws.curvature import smooth_extrapolation
+from mirror_cad.laws.matched import with_solved
+from mirror_cad.laws.matching import solve_match
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline, truck_outline
-from mirror_cad.profile import (
-    check_profile,
-    circle_section_fov,
-    existing_interval,
-    integrate_exactly,
-    integrate_ode,
-    section_fov,
-    sine_of_tangent_angle,
-)
+from mirror_cad.profile import check_profile, existing_interval, integrate_exactly, integrate_ode, sine_of_tangent_angle
+from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_laws import TableLaw
 from mirror_cad.surfaces import fit as fitting
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
@@ -37,6 +32,9 @@ from mirror_cad.surfaces.fit import Fit, FitTask
 from mirror_cad.surfaces.offset import offset_surface
 
 if TYPE_CHECKING:
+    import build123d
+    import cadquery
+
     from mirror_cad.occt.solid import Plate
 
 Array = NDArray[np.float64]
@@ -69,6 +67,23 @@ class Mirror:
     fit: Fit
     matched: tuple[str, float] | None
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Mirror {self.spec.name!r}: {'; '.join(f'{name} {value}' for name, value in self._main_figures())}>"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in self._main_figures())
+        return f"<table style='text-align: left'><caption>{escape(self.spec.name)}</caption>{rows}</table>"
+
+    def _main_figures(self) -> list[tuple[str, str]]:
+        x_min, x_max, y_min, y_max = self.box
+        h_fov, v_fov = np.degrees(self.section_fields_of_view())
+        solved = self.matched[1] if self.matched else None
+        return [("Rx", self.spec.horizontal.in_words(solved)), ("Ry", self.spec.vertical.in_words()),
+                ("size", f"{x_max - x_min:.4g} × {y_max - y_min:.4g} mm"),
+                ("section H-FOV", f"{h_fov:.2f}°"), ("section V-FOV at the left edge", f"{v_fov:.2f}°"),
+                ("surface", f"{self.spec.surface.method}, degree {self.surface.degree_u} × {self.surface.degree_v}"
+                            + ("" if self.fit.met else ", a tolerance is missed"))]
 
     @cached_property
     def plate(self) -> Plate:
@@ -183,14 +198,14 @@ class Mirror:
                               self.spec.surface.curvature_tolerance_percent,
                               self.spec.limits.curvature_percent)
 
-    def to_build123d(self) -> Any:
+    def to_build123d(self) -> build123d.Part:
         """The plate as a build123d Part (mm)."""
         plate = self.plate  # its kernel is checked before build123d loads it
         import build123d
 
         return build123d.Part([build123d.Solid(plate.solid)], label=self.spec.name)
 
-    def to_cadquery(self) -> Any:
+    def to_cadquery(self) -> cadquery.Workplane:
         """The same plate as a cadquery Workplane (mm)."""
         from mirror_cad.occt.kernel import check_kernel_for_cadquery
 
@@ -211,13 +226,13 @@ def design(spec: MirrorSpec) -> Mirror:
     level_mm = _level(spec, box)
     span = Span(*(spec.horizontal.span_mm or (x_min, x_max)))
     matched = _solved(spec.horizontal, spec.eye.distance_mm, span, x_min, x_max, level_mm)
-    horizontal = _law(spec.horizontal, span, matched[1] if matched else None)
+    horizontal = _law(with_solved(spec.horizontal, matched), span)
     vertical = _law(spec.vertical, span)
     half_height = max(abs(y_min), abs(y_max))
     check_profile(sine_of_tangent_angle(_series(horizontal, min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
     vertical = _eased(vertical, x_min, x_max, 1.0 / half_height)
-    wanted, notes = _wanted_domain(spec, box), _laws_beside(spec, box)
+    wanted, notes = _wanted_domain(spec, box), _remarks(spec, box)
     check_circles(_series(vertical, wanted[0], wanted[1]), x_min, x_max, half_height)
 
     kappa = _series(horizontal, wanted[0], wanted[1])
@@ -265,9 +280,13 @@ def design(spec: MirrorSpec) -> Mirror:
 # Most changes to a design leave its outline and one of its laws alone: what they give is kept. All of it is frozen.
 _truck_outline = lru_cache(maxsize=8)(truck_outline)
 _solved = lru_cache(maxsize=8)(solve_match)
-_law = lru_cache(maxsize=16)(law_from)
 _eased = lru_cache(maxsize=8)(smooth_extrapolation)
 _series = lru_cache(maxsize=32)(CurvatureLaw.series)
+
+
+@lru_cache(maxsize=16)
+def _law(law: Law, span: Span) -> CurvatureLaw:
+    return law.over(span)
 
 
 def _outline(spec: MirrorSpec) -> Outline:
@@ -301,15 +320,10 @@ def _level(spec: MirrorSpec, box: Box) -> float:
     return float(level)
 
 
-def _laws_beside(spec: MirrorSpec, box: Box) -> list[str]:
-    """A note for each law that says nothing of the mirror's own x: it is held at one value all over it."""
-    found = []
-    for name, section in (("horizontal", spec.horizontal), ("vertical", spec.vertical)):
-        span = (section.x_mm[0], section.x_mm[-1]) if isinstance(section, TableLaw) else getattr(section, "span_mm", None)
-        if span is not None and (span[1] <= box[0] or span[0] >= box[1]):
-            found.append(f"the {name} law runs from x = {span[0]:g} to {span[1]:g} mm, beside the mirror "
-                         f"({box[0]:g} to {box[1]:g} mm), and is held at its end value all over it: is its unit mm?")
-    return found
+def _remarks(spec: MirrorSpec, box: Box) -> list[str]:
+    """What the two laws have to say of themselves on this mirror."""
+    return [f"the {name} law {remark}" for name, law in (("horizontal", spec.horizontal), ("vertical", spec.vertical))
+            for remark in law.remarks(box[0], box[1])]
 
 
 def _wanted_domain(spec: MirrorSpec, box: Box) -> Box:

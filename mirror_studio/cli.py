@@ -40,7 +40,7 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
     spec
         A TOML file, or the name of a preset (progressive-a, sphere-950, …).
     """
-    from mirror_cad.spec_file import load_spec
+    from mirror_cad.spec.file import load_spec
     from mirror_studio.progress import Progress
 
     loaded = load_spec(spec)
@@ -81,7 +81,7 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None,
     normals
         Of a mesh: those of its facets, or interpolated between its vertices.
     """
-    from mirror_cad.spec_file import load_spec
+    from mirror_cad.spec.file import load_spec
     from mirror_studio.progress import Progress
 
     lent = load_spec(scene or "progressive-c")

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from mirror_cad.spec_file import names_in, read_toml, validated
-from mirror_cad.spec_section import Number, Section
+from mirror_cad.keys import Number, Section
+from mirror_cad.spec.file import names_in, read_toml, validated
 
 DEFAULT = "motorway"
 MAX_OBJECTS = 2_000  # with their repetitions: a street of them, and still some seconds to build

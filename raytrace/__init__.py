@@ -23,6 +23,16 @@ if TYPE_CHECKING:
     from raytrace.viewing.vehicle import Eyes, HostVehicle
     from raytrace.viewing.view import TracedRays, View
 
+from mirror_cad.limits import add_source
+
+
+def _all_measures() -> object:
+    from raytrace.measures.registry import registered
+
+    return registered()
+
+
+add_source(_all_measures)
 # Loaded when first asked for, so that importing the package costs nothing: name -> module below this one.
 _HOME = {
     "SceneError": "errors", "TraceError": "errors", "load_reflector": "load", "Lane": "measures.lane", "Rays": "rays",

@@ -13,7 +13,7 @@ from hypothesis import settings
 import mirror_cad
 import raytrace
 from mirror_cad.mirror import Mirror
-from mirror_cad.spec_file import validate_spec
+from mirror_cad.spec.file import validate_spec
 from raytrace.surfaces.base import OpticalSurface
 
 # The machine is shared: a slow example is no failure.

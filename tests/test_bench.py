@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirror_cad import curvature
-from mirror_cad.curvature import Span
+from mirror_cad import laws
+from mirror_cad.laws.curvature import Span
 from mirror_cad.occt import peers
 from mirror_cad.profile import integrate_ode
 from mirror_cad.sections import DecoupledSag
@@ -26,7 +26,7 @@ SPAN = Span(-115.0, 115.0)
 
 
 def case_of(formula: str) -> Case:
-    return Case.of(curvature.expression(formula, SPAN, "curvature"))
+    return Case.of(laws.Expression(curvature=formula).over(SPAN))
 
 
 def orders_of(method: str, case: Case, steps: tuple[float, ...]) -> tuple[float, float]:
@@ -107,7 +107,7 @@ def test_chebyshev_quadrature_agrees_with_nested_gauss_quadrature(smooth: Case) 
 def test_collocation_is_of_order_degree_plus_one_and_minus_one(smooth: Case, degree: int, slack: float) -> None:
     """The law changes over 40 mm and a span is 7 to 4 mm: the error's next term is a few percent of the first, the more so
     the higher the degree, and the order is seen that much above. Below 3 mm degree 7 meets rounding."""
-    sag = DecoupledSag(smooth.exact, curvature.constant(1250.0).series(-115.0, 115.0))
+    sag = DecoupledSag(smooth.exact, laws.Constant(radius_mm=1250.0).over(SPAN).series(-115.0, 115.0))
     x, y = np.linspace(-115.0, 115.0, 1009), np.linspace(-150.0, 150.0, 61)
     exact = sag.derivatives(x[:, None], y)
     wanted = principal_curvatures_of(shape_operator_of_sag(exact))

@@ -9,23 +9,15 @@ from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
-from mirror_cad import curvature
-from mirror_cad.curvature import Span
+from mirror_cad import laws
 from mirror_cad.errors import SpecError
 from mirror_cad.grid import Grid
-from mirror_cad.laws import law_from, solve_match
+from mirror_cad.laws.curvature import Span
+from mirror_cad.laws.matching import solve_match
 from mirror_cad.mirror import design
-from mirror_cad.profile import (
-    STEEPEST_GAUSS,
-    circle_section_fov,
-    integrate_exactly,
-    rough_section_fov,
-    section_fov,
-    section_fov_of_sine,
-    sine_of_tangent_angle,
-)
-from mirror_cad.spec_file import load_spec, validate_spec
-from mirror_cad.spec_laws import HorizontalPower, HorizontalZones
+from mirror_cad.profile import integrate_exactly, sine_of_tangent_angle
+from mirror_cad.section_fov import STEEPEST_GAUSS, circle_section_fov, rough_section_fov, section_fov, section_fov_of_sine
+from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.differential import rms_norm
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.viewing_setup import ViewingSetup
@@ -55,14 +47,14 @@ def test_series_evaluate_integrate_and_differentiate_as_numpys_do(count: int, se
 @pytest.mark.parametrize("radius", [120.0, 150.0, 165.0, 300.0, 1250.0, -400.0, 1e9])
 def test_section_from_the_sine_alone_is_a_circles(radius: float) -> None:
     """Closed form; steep ones (sin θ up to 0.96) take the whole profile."""
-    kappa = curvature.constant(radius).series(-115.0, 115.0)
+    kappa = laws.Constant(radius_mm=radius).over(SPAN).series(-115.0, 115.0)
     found = section_fov_of_sine(sine_of_tangent_angle(kappa, 0.0), -115.0, 115.0, 762.0)
     assert found == pytest.approx(circle_section_fov(1.0 / radius, 115.0, 762.0), abs=2e-14)
 
 
 @given(st.floats(200.0, 3000.0), st.floats(200.0, 3000.0), st.floats(0.0, 0.8), st.floats(-100.0, 100.0))
 def test_section_from_the_sine_alone_is_the_profiles(right: float, left: float, start: float, level: float) -> None:
-    kappa = curvature.zones(right, left, start, 1.0, "smooth", SPAN).series(-115.0, 115.0)
+    kappa = laws.Zones(right_mm=right, left_mm=left, blend_from=start).over(SPAN).series(-115.0, 115.0)
     sine = sine_of_tangent_angle(kappa, level)
     steepest = float(np.abs(sine(np.linspace(-115.0, 115.0, 2001))).max())
     assume(steepest < 0.999)  # beyond, it is vertical but for rounding
@@ -75,7 +67,7 @@ def test_section_from_the_sine_alone_is_the_profiles(right: float, left: float, 
 
 
 def test_a_profile_that_turns_vertical_has_no_section() -> None:
-    kappa = curvature.constant(100.0).series(-115.0, 115.0)
+    kappa = laws.Constant(radius_mm=100.0).over(SPAN).series(-115.0, 115.0)
     assert np.isnan(section_fov_of_sine(sine_of_tangent_angle(kappa, 0.0), -115.0, 115.0, 762.0))
     assert np.isnan(rough_section_fov(np.linspace(-115.0, 115.0, 513), np.full(513, 0.01), 0.0, 762.0))
 
@@ -83,14 +75,14 @@ def test_a_profile_that_turns_vertical_has_no_section() -> None:
 @given(st.floats(600.0, 3000.0), st.floats(150.0, 590.0), st.floats(300.0, 2500.0), st.booleans())
 def test_match_is_the_first_root_that_a_full_search_finds(right: float, left: float, sphere: float, power: bool) -> None:
     """Seventeen exact values and Brent's method between the first two of unlike sign, or the same refusal."""
-    kind = HorizontalPower if power else HorizontalZones
+    kind = laws.Power if power else laws.Zones
     key = "exponent" if power else "blend_from"
     section = kind.model_validate({"law": "power" if power else "zones", "right_mm": right, "left_mm": left, key: "match",
                                    "match": {"sphere_mm": sphere}})
     wanted = circle_section_fov(1.0 / sphere, 115.0, 762.0)
 
     def miss(value: float) -> float:
-        kappa = law_from(section, SPAN, value).series(-115.0, 115.0)
+        kappa = section.with_parameter(value).over(SPAN).series(-115.0, 115.0)
         sine = sine_of_tangent_angle(kappa, 0.0)
         if np.abs(sine(np.linspace(-115.0, 115.0, 201))).max() >= 1.0:
             return np.nan

@@ -15,7 +15,7 @@ from PIL import Image
 from mirror_cad.deviation import CurvatureDeviation, against_design
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.differential import principal_curvatures, rms_norm
 from mirror_studio.build.methods import with_method
 from mirror_studio.report.cut_figures import comb_figure, radius_figure

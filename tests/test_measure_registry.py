@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.build.pipeline import build
 from mirror_studio.cli import run
 from mirror_studio.progress import Progress
@@ -77,3 +77,22 @@ def test_measures_of_a_mirror_alone_need_no_vehicle() -> None:
     assert found["h_fov_traced_deg"].value(use) == pytest.approx(44.64, abs=0.01)
     with pytest.raises(ValueError, match="on a vehicle"):
         _ = use.on_vehicle
+
+
+def test_any_measure_may_be_limited_by_its_name(tmp_path: Path, spec_file: Callable[[str], Path],
+                                                capsys: pytest.CaptureFixture[str]) -> None:
+    text = """
+name = "ball"
+[horizontal]
+law = "constant"
+radius_mm = 950.0
+[vertical]
+law = "constant"
+radius_mm = 950.0
+[limits]
+h_fov_traced_deg = [44.0, 44.5]
+"""
+    assert run(["build", str(spec_file(text)), "--out", str(tmp_path / "ball")]) == 3
+    assert "horizontal field of view, traced: 44.64" in capsys.readouterr().err
+    assert run(["build", str(spec_file(text.replace("h_fov_traced_deg", "h_fov_trace_deg"))), "--out", str(tmp_path / "b")]) == 2
+    assert "did you mean 'h_fov_traced_deg'" in capsys.readouterr().err

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mirror_cad import curvature
-from mirror_cad.curvature import CurvatureLaw, Span
+from mirror_cad import laws
+from mirror_cad.laws.curvature import CurvatureLaw, Span
 from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_of_tangent_angle
 from mirror_cad.sections import DecoupledSag
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
@@ -25,7 +25,21 @@ Array = NDArray[np.float64]
 
 SPAN = Span(-115.0, 115.0)
 X, Y = (grid.ravel() for grid in np.meshgrid(np.linspace(-114.0, 114.0, 39), np.linspace(-160.0, 160.0, 41)))
-PROGRESSIVE = curvature.zones(1250.0, 400.0, 0.5865, 1.0, "smooth", SPAN)
+
+
+def constant(radius: float) -> CurvatureLaw:
+    return laws.Constant(radius_mm=radius).over(SPAN)
+
+
+def linear(right: float, left: float) -> CurvatureLaw:
+    return laws.Linear(right_mm=right, left_mm=left).over(SPAN)
+
+
+def formula(curvature: str) -> CurvatureLaw:
+    return laws.Expression(curvature=curvature).over(SPAN)
+
+
+PROGRESSIVE = laws.Zones(right_mm=1250.0, left_mm=400.0, blend_from=0.5865).over(SPAN)
 DOCUMENTS = Path(__file__).parents[1] / "docs" / "derivations"
 # Of the largest curvature; both sides are some thirty operations on the same series. Seen over 300 random laws: 1.2e-15.
 ROUNDING = 1e-14
@@ -64,8 +78,8 @@ def largest(values: Array) -> float:
 def test_closed_form_is_the_shape_operator_of_any_decoupled_surface(
         k1: float, k1_x: float, k2: float, k2_x: float, level_mm: float) -> None:
     """Convex, concave, flat and sign-changing laws, level anywhere."""
-    horizontal = series_of(curvature.expression(f"{k1!r} + {k1_x!r}*x + 0.0002*sin(x/30)", SPAN, "curvature"))
-    vertical = series_of(curvature.expression(f"{k2!r} + {k2_x!r}*x + 0.0002*sin(x/40)", SPAN, "curvature"))
+    horizontal = series_of(formula(f"{k1!r} + {k1_x!r}*x + 0.0002*sin(x/30)"))
+    vertical = series_of(formula(f"{k2!r} + {k2_x!r}*x + 0.0002*sin(x/40)"))
     at, realised = surface(horizontal, vertical, level_mm)
     closed = model.exact_shape(at, Y)
     size = max(largest(component) for component in realised)
@@ -76,8 +90,8 @@ def test_closed_form_is_the_shape_operator_of_any_decoupled_surface(
 @pytest.mark.parametrize(("horizontal", "vertical", "orders"), [
     # κ, κ2′ and κ2″ fall with 1/λ, and so does the slope. The twist's first term κ2′y is of first order and misses a term
     # of relative second order; without it the tilt's, of third order, is what the remainder is measured from.
-    (PROGRESSIVE, curvature.linear(1250.0, 1150.0, SPAN), {"w12": 3, "w22": 5, "w11": 5}),
-    (curvature.constant(950.0), curvature.constant(950.0), {"w12": 5, "w22": 5, "w11": 5}),
+    (PROGRESSIVE, linear(1250.0, 1150.0), {"w12": 3, "w22": 5, "w11": 5}),
+    (constant(950.0), constant(950.0), {"w12": 5, "w22": 5, "w11": 5}),
 ], ids=["progressive", "sphere"])
 def test_leading_terms_miss_only_the_next_order_of_the_slopes(
         horizontal: CurvatureLaw, vertical: CurvatureLaw, orders: dict[str, int]) -> None:
@@ -96,7 +110,7 @@ def test_leading_terms_miss_only_the_next_order_of_the_slopes(
 
 def test_twist_is_short_of_its_first_order_by_the_square_of_the_normals_sine() -> None:
     """W12 = −y·(Ry′ + tan θ)/Ry²·cos²ψ exactly, with sin ψ = N·x."""
-    horizontal, vertical = series_of(PROGRESSIVE), series_of(curvature.linear(1150.0, 1050.0, SPAN))
+    horizontal, vertical = series_of(PROGRESSIVE), series_of(linear(1150.0, 1050.0))
     profile = profile_of(horizontal)
     d = DecoupledSag(profile, vertical).derivatives(X, Y)
     radius, radius_slope = 1150.0 + (1050.0 - 1150.0) * SPAN.t(X), 100.0 / 230.0
@@ -107,14 +121,14 @@ def test_twist_is_short_of_its_first_order_by_the_square_of_the_normals_sine() -
 
 def test_vertical_curvature_on_the_profile_is_low_by_the_cosine_of_its_tangent_angle() -> None:
     """Meusnier: the circle of radius Ry lies in x = const, the normal section is turned from it by θ."""
-    horizontal, vertical = series_of(PROGRESSIVE), series_of(curvature.linear(1250.0, 1350.0, SPAN))
+    horizontal, vertical = series_of(PROGRESSIVE), series_of(linear(1250.0, 1350.0))
     profile = profile_of(horizontal)
     w22 = shape_operator_of_sag(DecoupledSag(profile, vertical).derivatives(X, np.zeros_like(X))).w22
     assert largest(w22 / vertical(X) - np.cos(profile.tangent_angle(X))) <= ROUNDING
 
 
 def test_equal_constant_radii_are_no_sphere_and_corrected_circles_make_them_one() -> None:
-    kappa = series_of(curvature.constant(950.0))
+    kappa = series_of(constant(950.0))
     _, plain = surface(kappa, kappa)
     k1, k2 = principal_curvatures_of(plain)
     assert (950.0 * (k1 - k2)).max() > 0.03
@@ -129,9 +143,9 @@ def test_equal_constant_radii_are_no_sphere_and_corrected_circles_make_them_one(
 
 
 def symmetric_surfaces() -> list[DecoupledSag]:
-    laws = [(PROGRESSIVE, curvature.linear(1250.0, 1150.0, SPAN), 0.0), (curvature.linear(600.0, 900.0, SPAN),
-            curvature.expression("0.0008 + 0.000002*x", SPAN, "curvature"), -50.0)]
-    return [DecoupledSag(profile_of(series_of(first), level), series_of(second)) for first, second, level in laws]
+    pairs = [(PROGRESSIVE, linear(1250.0, 1150.0), 0.0),
+             (linear(600.0, 900.0), formula("0.0008 + 0.000002*x"), -50.0)]
+    return [DecoupledSag(profile_of(series_of(first), level), series_of(second)) for first, second, level in pairs]
 
 
 @pytest.mark.parametrize("sag", symmetric_surfaces())
@@ -155,8 +169,8 @@ def test_twist_grows_across_the_level_line_as_the_second_codazzi_equation_says(s
 
 
 @pytest.mark.parametrize(("law", "axis_depth_mm", "level_mm"), [
-    (PROGRESSIVE, 1250.0, 0.0), (PROGRESSIVE, 800.0, 115.0), (curvature.constant(400.0), 1250.0, 0.0),
-    (curvature.constant(950.0), 950.0, 0.0), (curvature.expression("0.001*sin(x/40)", SPAN, "curvature"), 700.0, -30.0),
+    (PROGRESSIVE, 1250.0, 0.0), (PROGRESSIVE, 800.0, 115.0), (constant(400.0), 1250.0, 0.0),
+    (constant(950.0), 950.0, 0.0), (formula("0.001*sin(x/40)"), 700.0, -30.0),
 ], ids=["progressive", "level at its right edge", "torus", "sphere", "sign-changing"])
 def test_surface_of_revolution_holds_its_compatible_pair(law: CurvatureLaw, axis_depth_mm: float, level_mm: float) -> None:
     horizontal = series_of(law)
@@ -181,7 +195,7 @@ def test_surface_of_revolution_holds_its_compatible_pair(law: CurvatureLaw, axis
 
 def test_torus_in_closed_form() -> None:
     """Rx constant: Ry = Rx + (r0 − Rx)/cos θ with sin θ = x/Rx."""
-    horizontal = series_of(curvature.constant(400.0))
+    horizontal = series_of(constant(400.0))
     vertical = model.compatible_vertical(profile_of(horizontal), horizontal, 1250.0)
     assert largest(1.0 / vertical(X) - (400.0 + 850.0 / np.sqrt(1.0 - (X / 400.0) ** 2))) <= 1e-9  # 1e-12 of Ry
 
@@ -189,7 +203,7 @@ def test_torus_in_closed_form() -> None:
 def test_pairs_that_no_surface_holds_have_a_defect() -> None:
     """Ry constant beside another Rx: δ = −tan θ·(Ry/Rx − 1), zero for a sphere wherever it is level."""
     for level_mm in (0.0, 115.0):
-        horizontal, vertical = series_of(curvature.constant(950.0)), series_of(curvature.constant(1250.0))
+        horizontal, vertical = series_of(constant(950.0)), series_of(constant(1250.0))
         profile = profile_of(horizontal, level_mm)
         mixed = model.compatibility_defect(model.sections_at(profile, horizontal, vertical, X))
         assert largest(mixed + np.tan(profile.tangent_angle(X)) * (1250.0 / 950.0 - 1.0)) <= RATE_ROUNDING
@@ -199,7 +213,7 @@ def test_pairs_that_no_surface_holds_have_a_defect() -> None:
 
 # --- marching rules --------------------------------------------------------------------------------------------------
 
-MARCHED = curvature.expression("0.0013*exp(-x/150)", SPAN, "curvature")  # smooth: no break limits the order
+MARCHED = formula("0.0013*exp(-x/150)")  # smooth: no break limits the order
 
 
 def curvature_error(method: str, step_mm: float, x: Array) -> Array:

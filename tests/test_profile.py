@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import mirror_cad
-from mirror_cad import curvature
-from mirror_cad.curvature import Span
-from mirror_cad.profile import Profile, circle_section_fov, integrate_exactly, integrate_ode, section_fov, sine_of_tangent_angle
+from mirror_cad import laws
+from mirror_cad.laws.curvature import Span
+from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_of_tangent_angle
+from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.surfaces.piecewise import approximate
 from tests.conftest import constant, spec_of
 
@@ -19,7 +20,7 @@ SPAN = Span(-115.0, 115.0)
 X = np.linspace(-129.0, 129.0, 1001)
 
 
-def exact(law: curvature.CurvatureLaw) -> Profile:
+def exact(law: laws.CurvatureLaw) -> Profile:
     kappa = law.series(-130.0, 130.0)
     return integrate_exactly(sine_of_tangent_angle(kappa, 0.0), kappa)
 
@@ -29,11 +30,11 @@ def test_constant_law_gives_the_circle(radius: float) -> None:
     # z = −κx²/(1 + √(1 − κ²x²)) loses no digits; 1e-12 mm is the promise, and some 20 units of rounding of 100 mm.
     kappa = 1.0 / radius
     circle = -kappa * X**2 / (1.0 + np.sqrt(1.0 - (kappa * X) ** 2))
-    assert np.abs(exact(curvature.constant(radius)).height(X) - circle).max() < 1e-12
+    assert np.abs(exact(laws.Constant(radius_mm=radius).over(SPAN)).height(X) - circle).max() < 1e-12
 
 
 def test_flat_law_gives_the_plane() -> None:
-    assert np.abs(exact(curvature.constant(np.inf)).height(X)).max() == 0.0
+    assert np.abs(exact(laws.Constant(radius_mm=np.inf).over(SPAN)).height(X)).max() == 0.0
 
 
 def test_clothoid_in_closed_form() -> None:
@@ -52,14 +53,14 @@ def test_clothoid_in_closed_form() -> None:
             arc = arc - (scale * fresnel(arc / scale)[1] - np.abs(at)) / np.cos(0.5 * a * arc**2)
         return a * arc
 
-    law = curvature.CurvatureLaw(kappa_of_x, (curvature.Break(0.0, 0),))
+    law = laws.CurvatureLaw(kappa_of_x, (laws.Break(0.0, 0),))
     kappa = law.series(-10.0, float(x[-1]))
     profile = integrate_exactly(sine_of_tangent_angle(kappa, 0.0), kappa)
     assert np.abs(profile.height(x) - z).max() < 1e-12
 
 
 def test_progressive_profile_agrees_with_an_independent_ode_solver() -> None:
-    law = curvature.zones(1250.0, 400.0, 0.5865, 1.0, "smooth", SPAN)
+    law = laws.Zones(right_mm=1250.0, left_mm=400.0, blend_from=0.5865).over(SPAN)
 
     def rates(x: float, y: np.ndarray) -> list[float]:
         return [y[1], -float(law.function(np.array([x]))[0]) * (1.0 + y[1] ** 2) ** 1.5]
@@ -71,7 +72,7 @@ def test_progressive_profile_agrees_with_an_independent_ode_solver() -> None:
 
 @pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rk4", 4)])
 def test_march_converges_with_its_order(method: str, order: int) -> None:
-    law = curvature.expression("0.001*exp(-x/120)", SPAN, "curvature")  # smooth: no break limits the order
+    law = laws.Expression(curvature="0.001*exp(-x/120)").over(SPAN)  # smooth: no break limits the order
     kappa = law.series(-114.0, 114.0)
     reference = integrate_exactly(sine_of_tangent_angle(kappa, 0.0), kappa)
     errors = []
@@ -83,7 +84,7 @@ def test_march_converges_with_its_order(method: str, order: int) -> None:
 
 
 def test_euler_curvature_error_is_h_times_relative_slope_of_curvature() -> None:
-    law = curvature.linear(1250.0, 400.0, SPAN)
+    law = laws.Linear(right_mm=1250.0, left_mm=400.0).over(SPAN)
     kappa = law.series(-114.9, 114.9)
     marched = integrate_ode(kappa, exact(law), "euler", 0.5)
     at = np.linspace(-100.0, 100.0, 201)
@@ -97,13 +98,13 @@ def test_euler_curvature_error_is_h_times_relative_slope_of_curvature() -> None:
 
 def test_section_field_of_view_of_a_circle_is_the_closed_form() -> None:
     for radius in (400.0, 950.0, 1250.0, -900.0):
-        measured = section_fov(exact(curvature.constant(radius)), -115.0, 115.0, 762.0)
+        measured = section_fov(exact(laws.Constant(radius_mm=radius).over(SPAN)), -115.0, 115.0, 762.0)
         assert measured == pytest.approx(circle_section_fov(1.0 / radius, 115.0, 762.0), abs=1e-14)
 
 
 def test_mirror_of_linear_curvature_widens_the_view_by_width_times_curvatures() -> None:
     """An eye at infinity and κ linear along x: the widening is 2·(θ_r − θ_l) with sin θ = ∫κ dx, about W·(κ1 + κ2)."""
-    law = curvature.expression("0.0012 - 0.000001*x", SPAN, "curvature")
+    law = laws.Expression(curvature="0.0012 - 0.000001*x").over(SPAN)
     profile = exact(law)
     measured = section_fov(profile, -115.0, 115.0, 1e12)
     sine = [0.0012 * x - 0.0000005 * x * x for x in (115.0, -115.0)]
@@ -112,7 +113,7 @@ def test_mirror_of_linear_curvature_widens_the_view_by_width_times_curvatures() 
 
 @given(st.floats(-2e-3, 2e-3), st.floats(-1e-5, 1e-5), st.floats(-3.0, 3.0))
 def test_realised_curvature_of_any_smooth_profile_is_the_law(k0: float, k1: float, phase: float) -> None:
-    law = curvature.expression(f"{k0!r} + {k1!r}*x + 0.0003*sin(x/30 + {phase!r})", SPAN, "curvature")
+    law = laws.Expression(curvature=f"{k0!r} + {k1!r}*x + 0.0003*sin(x/30 + {phase!r})").over(SPAN)
     kappa = law.series(-130.0, 130.0)
     profile = integrate_exactly(sine_of_tangent_angle(kappa, 0.0), kappa)
     realised = -profile.bend(X) / (1.0 + profile.slope(X) ** 2) ** 1.5
@@ -120,7 +121,7 @@ def test_realised_curvature_of_any_smooth_profile_is_the_law(k0: float, k1: floa
 
 
 def test_series_finds_kinks_that_a_formula_hides() -> None:
-    law = curvature.expression("max(0.001, 0.001 + 0.00001*(x - 20.5))", SPAN, "curvature")
+    law = laws.Expression(curvature="max(0.001, 0.001 + 0.00001*(x - 20.5))").over(SPAN)
     kappa = law.series(-130.0, 130.0)
     assert any(abs(b.x_mm - 20.5) < 1e-3 for b in law.all_breaks(kappa))
     assert np.abs(kappa(X) - law.function(X)).max() < 1e-12

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import mirror_cad
-from mirror_cad.spec_file import validate_spec
+from mirror_cad.spec.file import validate_spec
 
 HOME = Path(__file__).resolve().parent.parent
 README = (HOME / "README.md").read_text("utf-8")

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mirror_cad import laws
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
-from mirror_cad.spec_file import load_spec, validate_spec
+from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.differential import rms_norm, shape_operator
 from mirror_studio.build.methods import compare_methods, with_method
 from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
@@ -24,7 +25,7 @@ from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
 from mirror_studio.report.stages import Floor, chain_links, model_sentences, stage_rows, weakest_sentence
-from mirror_studio.report.text import fixed, given, law_in_words, number, place
+from mirror_studio.report.text import fixed, given, number, place
 from mirror_studio.report.uncertainty import Uncertainty
 from mirror_studio.report.verdict_table import Requirement, as_json, requirements, view_requirements
 
@@ -379,8 +380,8 @@ def test_radius_is_drawn_as_curvature_only_where_it_has_to_be() -> None:
 def test_index_lists_every_mirror_and_the_papers_figures(tmp_path: Path, limited: Designed) -> None:
     names = ["sphere-1250", "sphere-1050", "sphere-950", "progressive-a", "progressive-b", "progressive-c"]
     deviation = limited[1].as_json()
-    mirrors = [{"name": name, "metrics": METRICS, "deviation": deviation, "spec": load_spec(name).model_dump()}
-               for name in names]
+    mirrors = [{"name": name, "metrics": METRICS, "deviation": deviation, "spec": load_spec(name).model_dump(),
+                "laws": [law.in_short() for law in (load_spec(name).horizontal, load_spec(name).vertical)]} for name in names]
     table1 = {name: {"h_fov_deg": {"ours": 44.82, "paper": 44.8}, "v_fov_left_deg": {"ours": 42.875, "paper": 42.9},
                      "lane_straightness_percent": {"ours": None, "paper": 40.7}} for name in names[3:]}
     write_index(tmp_path / "index.html", mirrors, table1, {"fig5": "fig5.png", "fig6": "fig6.png"})
@@ -390,7 +391,7 @@ def test_index_lists_every_mirror_and_the_papers_figures(tmp_path: Path, limited
         assert not _missing(page, *(f'href="{name}/{file}"' for file in
                                     ("report.html", f"{name}.step", "driver-view.png")))
     assert not _missing(page, 'src="fig5.png"', 'src="fig6.png"', ">44.82<", ">44.8<", ">+0.02<", ">40.7<",
-                        "Y = 2400 + 0.6·X", "is not public")
+                        "Y = 2400 + 0.6·X", "is not public", "950 mm", "1250 → 400 mm, zones")
     assert "shape RMS" not in page
     both = {"methods": {"decoupled": {"shape_rms_percent": 2.3251}, "faithful": {"shape_rms_percent": 1.0093}}}
     mirrors[-1]["metrics"] = METRICS | both
@@ -423,4 +424,5 @@ def test_asked_values_keep_their_digits_and_laws_read_as_sentences() -> None:
     assert [given(1e-5, "mm"), given(0.01, "%"), given(2.5e-6, "mm")] == [
         "10⁻⁵\u202fmm", "0.01\u202f%", "2.5·10⁻⁶\u202fmm"]
     assert [fixed(-0.001, 2, sign=True), fixed(0.017, 2, sign=True)] == ["0.00", "+0.02"]
-    assert [law_in_words(FLAT), law_in_words(FLAT | {"radius_mm": -2000.0})] == ["flat", "−2000 mm (concave)"]
+    constants = laws.Constant(radius_mm=math.inf), laws.Constant(radius_mm=-2000)
+    assert [law.in_words() for law in constants] == ["flat", "−2000 mm (concave)"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mirror_cad
-import mirror_cad.spec_file
+import mirror_cad.spec.file
 from tests.conftest import constant, spec_of
 
 VERTICAL = '[vertical]\nlaw = "constant"\nradius_mm = 1250.0\n'
@@ -66,7 +66,7 @@ def test_bad_limits_are_refused_with_key_and_reason(ends: object, named: str) ->
 def test_messages_hold_nothing_unseen_and_no_parsers_words(sections: dict[str, object], words: str) -> None:
     raw = {"name": "a", "horizontal": constant(900.0), "vertical": constant(900.0)}
     with pytest.raises(mirror_cad.SpecError) as caught:
-        mirror_cad.spec_file.validate_spec(raw | sections)
+        mirror_cad.spec.file.validate_spec(raw | sections)
     assert words in str(caught.value)
     str(caught.value).encode()
     assert "<unknown>" not in str(caught.value)
@@ -84,7 +84,7 @@ def test_a_table_from_csv_beside_the_spec_is_the_law(tmp_path: Path, spec_file: 
 
 
 @pytest.mark.parametrize(("text", "named"), [
-    ("x_mm;radius_mm\n0;900\n", "must start with a line naming the columns"),
+    ("x_mm|radius_mm\n0|900\n", "must start with a line naming the columns"),
     ("x_mm,radius\n0,900\n", "must start with a line naming the columns"),
     ("x_mm,radius_mm\n0,900\n1,abc\n", "line 3"),
     ("", "nothing"),
@@ -156,4 +156,4 @@ def test_whole_numbers_beyond_any_float_are_named(digits: int, says: str, tmp_pa
     path.write_text(f'[horizontal]\nlaw = "constant"\nradius_mm = {"9" * digits}\n'
                     '[vertical]\nlaw = "constant"\nradius_mm = 1000\n')
     with pytest.raises(mirror_cad.SpecError, match=says):
-        mirror_cad.spec_file.load_spec(path)
+        mirror_cad.spec.file.load_spec(path)

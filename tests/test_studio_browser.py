@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from mirror_cad.mirror import design
 from mirror_cad.occt.step import read_step
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.build import checks
 from mirror_studio.web.protocol import unpack
 from tests.studio_page import CHROMIUM, SOON, becomes, chromium, figure, key, opened, revision, revision_after, settled

@@ -19,10 +19,10 @@ from mirror_cad.deviation import against_design
 from mirror_cad.errors import MirrorError, SpecError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec, preset_names, validate_spec
+from mirror_cad.spec.file import load_spec, preset_names, validate_spec
 from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web import engine, state
-from mirror_studio.web.controls import GROUPS
+from mirror_studio.web.controls import groups
 from mirror_studio.web.protocol import StoppedError, ViewSettings, WrongShapeError, pack, read_message, unpack
 from mirror_studio.web.turned import Turn, aimed
 from mirror_studio.web.uploads import NAME, Uploads
@@ -246,7 +246,7 @@ def test_faults_of_a_specification_are_the_programs_own_words(uploads: Uploads) 
 
 def test_sliders_stay_within_what_the_specification_takes() -> None:
     """Both ends of every slider are accepted for the key by itself."""
-    for group in GROUPS:
+    for group in groups():
         for control in group.controls:
             plain = ("eye.", "outline.", "blank.", "glass.", "scene.", "export.", "view.")
             if control.low is None or not control.key.startswith(plain):

@@ -22,15 +22,16 @@ from pydantic import BaseModel
 from websockets.sync.client import ClientConnection, connect
 
 from mirror_cad.errors import MirrorError
+from mirror_cad.laws import Law, registered
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.drive.measured import asked_of
 from mirror_studio.drive.mirrors import driven_mirror
 from mirror_studio.drive.pictures import eye_picture
 from mirror_studio.scene_file import load_scene
 from mirror_studio.web import engine, motorway, road, state
-from mirror_studio.web.controls import GROUPS
+from mirror_studio.web.controls import groups
 from mirror_studio.web.protocol import StoppedError, ViewSettings, unpack
 from mirror_studio.web.state import as_state
 from mirror_studio.web.uploads import Uploads
@@ -191,7 +192,7 @@ def test_a_newer_request_ends_a_fine_picture() -> None:
 
 def test_nothing_of_the_road_is_loaded_before_it_is_asked_for() -> None:
     code = ("import sys; from mirror_studio.web import engine, server; from mirror_studio.web.protocol import Look; "
-            "from mirror_cad.spec_file import load_spec; engine.show(load_spec('sphere-950'), Look()); "
+            "from mirror_cad.spec.file import load_spec; engine.show(load_spec('sphere-950'), Look()); "
             "print([name for name in sys.modules if name.startswith(('mirror_studio.drive', 'raytrace.scene.lit_world', "
             "'mirror_studio.web.road', 'mirror_studio.scene_file'))])")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
@@ -204,6 +205,10 @@ def test_nothing_of_the_road_is_loaded_before_it_is_asked_for() -> None:
 def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
     """Every key of a specification, with dots; those of all laws."""
     for name, info in model.model_fields.items():
+        if info.annotation is Law:
+            for law in registered().values():
+                yield from keys_of(law, f"{prefix}{name}.")
+            continue
         kinds = [info.annotation, *get_args(info.annotation)]
         kinds += [inner for kind in kinds for inner in get_args(kind)]
         sections = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
@@ -215,8 +220,10 @@ def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
 
 def test_every_key_of_a_specification_is_among_the_controls() -> None:
     """Tables have rows of inputs, files have buttons, limits of figures stand under these."""
-    held = {re.sub(r"\.[01]$", "", control.key) for group in GROUPS for control in group.controls}
-    others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm")} | {"outline.file"}
+    held = {re.sub(r"\.[01]$", "", control.key) for group in groups() for control in group.controls}
+    others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm", "file")}
+    others |= {"outline.file"}
+    others |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
     others |= {f"limits.{key}" for key in ("h_fov_deg", "v_fov_left_deg", "lane_straightness_percent")}
     found = set(keys_of(MirrorSpec))
     assert {"part.number", "part.hand", "horizontal.match.sphere_mm", "scene.lane.slope"} <= found

@@ -28,7 +28,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from mirror_cad.mirror import design as design_of
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.web import engine, state
 from mirror_studio.web.downloads import unlike_the_page
 from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, unpack
@@ -417,7 +417,8 @@ def test_toml_and_tables_come_in_and_go_out(studio: Studio) -> None:
     status, _, content = ask(studio, "POST", "/upload/spec?ending=.toml", text.encode())
     assert json.loads(content)["spec"] == as_state(load_spec("progressive-c"))
     status, _, content = ask(studio, "POST", "/upload/table?ending=.csv", b"x_mm,radius_mm\n-115,400\n0,1000\n115,1250\n")
-    assert json.loads(content) == {"law": "table", "x_mm": [-115.0, 0.0, 115.0], "radius_mm": [400.0, 1000.0, 1250.0]}
+    assert json.loads(content) == {"law": "table", "x_mm": [-115.0, 0.0, 115.0], "radius_mm": [400.0, 1000.0, 1250.0],
+                                   "interpolation": "smooth"}
     status, _, content = ask(studio, "POST", "/upload/table?ending=.csv", b"x,r\n1,2\n")
     assert status == 400
     assert "x_mm and radius_mm" in json.loads(content)["faults"][0]

@@ -14,6 +14,9 @@ from mirror_cad.errors import SurfaceError
 Array = NDArray[np.float64]
 
 ORDERS = {"s": (0, 0), "u": (1, 0), "v": (0, 1), "uu": (2, 0), "uv": (1, 1), "vv": (0, 2)}  # of differentiation by u and v
+# How far the poles of a height field may lie from where u = x and v = y have them, mm: STEP rounds to 15 digits, and a sheet
+# that is off by more is no longer the one that x and y name.
+PARAMETER_ROUNDING_MM = 1e-9
 CHUNK = 20_000  # points evaluated at once: a few MB of basis functions, inside the cache of most machines
 
 
@@ -49,6 +52,103 @@ class BSplineSurface:
         """(u_min, u_max, v_min, v_max)."""
         p, q = self.degree_u, self.degree_v
         return (float(self.knots_u[p]), float(self.knots_u[-p - 1]), float(self.knots_v[q]), float(self.knots_v[-q - 1]))
+
+    def __repr__(self) -> str:
+        u_min, u_max, v_min, v_max = self.domain
+        spans = " × ".join(str(len(np.unique(knots)) - 1) for knots in (self.knots_u, self.knots_v))
+        kind = "" if self.weights is None else "rational, "
+        return (f"<BSplineSurface: {kind}degree {self.degree_u} × {self.degree_v}, {spans} spans, u {u_min:g} to {u_max:g}, "
+                f"v {v_min:g} to {v_max:g}>")
+
+    @cached_property
+    def is_height_field(self) -> bool:
+        """Whether u = x and v = y everywhere, so that the surface is a sag z(x, y): so are the mirrors that are designed here.
+
+        A coordinate is linear in a parameter exactly where its poles stand at the Greville abscissae.
+        """
+        if self.weights is not None:
+            return False
+        x = greville_abscissae(self.knots_u, self.degree_u)[:, None]
+        y = greville_abscissae(self.knots_v, self.degree_v)[None, :]
+        return bool(np.abs(self.poles[..., 0] - x).max() <= PARAMETER_ROUNDING_MM
+                    and np.abs(self.poles[..., 1] - y).max() <= PARAMETER_ROUNDING_MM)
+
+    def sag(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Evaluate the height z at (x, y).
+
+        Parameters
+        ----------
+        x, y : array_like
+            mm, of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray
+            (…) mm; negative away from the centre of a convex mirror.
+
+        Raises
+        ------
+        SurfaceError
+            For a surface that is no height field over its parameters, and outside it.
+        """
+        self._check_height_field("sag")
+        return self._derivatives(x, y, 0, component=2)[..., 0, 0, 0]
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Evaluate the unit normal at (x, y), towards the driver.
+
+        Parameters
+        ----------
+        x, y : array_like
+            mm, of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray
+            (…, 3), z > 0.
+
+        Raises
+        ------
+        SurfaceError
+            As `sag`.
+        """
+        self._check_height_field("normal")
+        _, z_x, z_y = self.heights(x, y)
+        n = np.stack([-z_x, -z_y, np.ones_like(z_x)], axis=-1)
+        return n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+    def principal_curvatures(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Evaluate the principal curvatures at (x, y), the eigenvalues of the shape operator.
+
+        Parameters
+        ----------
+        x, y : array_like
+            mm, of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray
+            (…, 2) 1/mm, convex positive, larger first.
+
+        Raises
+        ------
+        SurfaceError
+            As `sag`.
+
+        References
+        ----------
+        M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-2.
+        """
+        from mirror_cad.surfaces.differential import principal_curvatures
+
+        self._check_height_field("principal_curvatures")
+        return principal_curvatures(self, x, y)
+
+    def _check_height_field(self, what: str) -> None:
+        if not self.is_height_field:
+            raise SurfaceError(f"this surface is no height field over its parameters (u is not x, or v is not y): {what}(x, y) "
+                               "is not defined; evaluate it at its parameters with `evaluate` and `derivatives`, or "
+                               "mirror_cad.surfaces.differential.principal_curvatures(surface, u, v)")
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Points S(u, v), (…, 3) mm, for u and v of shapes that broadcast.

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.curvature import Break
+from mirror_cad.laws.curvature import Break
 from mirror_cad.sections import Sag, SagDerivatives
 from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
 from mirror_cad.surfaces.collocation import collocate_height, knot_vector

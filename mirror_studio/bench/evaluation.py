@@ -12,7 +12,7 @@ from scipy.interpolate import NdBSpline
 
 from mirror_cad.mirror import design
 from mirror_cad.occt import peers
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, shape_operator
 from mirror_studio.bench.measuring import median_seconds

@@ -10,7 +10,7 @@ import numpy as np
 
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec, validate_spec
+from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.faithful import Level
 from mirror_studio.bench.table import Column, Plot, Table
 from mirror_studio.build.methods import compare_methods, with_method

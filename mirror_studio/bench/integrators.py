@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline, make_interp_spline
 
-from mirror_cad import curvature
-from mirror_cad.curvature import CurvatureLaw, Span
-from mirror_cad.laws import law_from
+from mirror_cad import laws
+from mirror_cad.laws.curvature import CurvatureLaw, Span
+from mirror_cad.laws.matched import with_solved
 from mirror_cad.mirror import design
 from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_of_tangent_angle
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.bench.measuring import convergence, median_seconds
 from mirror_studio.bench.table import Column, Plot, Table
@@ -94,8 +94,8 @@ def tables() -> tuple[Table, ...]:
     spec = load_spec("progressive-c")
     matched = design(spec).matched
     span = Span(-HALF_WIDTH_MM, HALF_WIDTH_MM)
-    paper = Case.of(law_from(spec.horizontal, span, matched[1] if matched else None))
-    smooth = Case.of(curvature.expression(SMOOTH_LAW, span, "curvature"))
+    paper = Case.of(with_solved(spec.horizontal, matched).over(span))
+    smooth = Case.of(laws.Expression(curvature=SMOOTH_LAW).over(span))
     compared = ("Each method starts at the right end with the exact height and slope and goes to the left end, 230 mm, in "
                 "equal steps; the marched points are joined by the interpolating quintic spline, and curvature is that of the "
                 "curve they give, between the nodes. The height is compared with nested Gauss–Legendre quadrature of the law "

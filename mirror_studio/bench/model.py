@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mirror_cad
-from mirror_cad import curvature
+from mirror_cad import laws
 from mirror_cad.grid import Grid
 from mirror_cad.mirror import Mirror
 from mirror_cad.profile import Profile, integrate_exactly, sine_of_tangent_angle
@@ -286,7 +286,8 @@ def _defects(looked: list[Looked]) -> Table:
 
 
 def _compatible_pairs(levelled: Looked) -> Table:
-    torus, sphere = (curvature.constant(radius).series(SHEET[0], SHEET[1]) for radius in (400.0, 950.0))
+    span = laws.Span(*SHEET[:2])
+    torus, sphere = (laws.Constant(radius_mm=radius).over(span).series(*SHEET[:2]) for radius in (400.0, 950.0))
     rows = tuple(_compatible_pair(levelled.places, *pair) for pair in (
         (f"Rx of {LEVELLED}, r0 = 1250 mm", levelled.mirror.curvature.horizontal, 1250.0),
         ("torus: Rx = 400 mm, r0 = 1250 mm", torus, 1250.0),

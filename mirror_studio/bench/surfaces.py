@@ -15,7 +15,7 @@ from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt import peers
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec, validate_spec
+from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height
 from mirror_cad.surfaces.differential import ShapeOperator, shape_operator, shape_operator_of_sag

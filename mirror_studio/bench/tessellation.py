@@ -12,7 +12,7 @@ from mirror_cad.deviation import stl_deviation
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt import peers
 from mirror_cad.occt.tessellate import read_stl
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.bench.measuring import convergence, median_seconds
 from mirror_studio.bench.table import Column, Plot, Table
 from mirror_studio.report.text import fixed

@@ -13,7 +13,7 @@ import numpy as np
 
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.bench.table import Column, Plot, Table
 from mirror_studio.bench.tracers import (
     alone,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mirror_cad.spec_file import load_spec, spec_as_json
+from mirror_cad.spec.file import load_spec, spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import Built, build_into, hashes, versions, write_json
 from mirror_studio.progress import Progress
@@ -42,7 +42,8 @@ def build_paper(out: Path, progress: Progress) -> tuple[dict[str, Any], tuple[st
             missed += [f"{name}: {text}" for text in built.missed]
             metrics[name] = built.metrics
             mirrors.append({"name": name, "metrics": built.metrics, "deviation": built.deviation.as_json(),
-                            "spec": spec_as_json(built.mirror.spec)})
+                            "spec": spec_as_json(built.mirror.spec),
+                            "laws": [built.mirror.spec.horizontal.in_short(), built.mirror.spec.vertical.in_short()]})
         progress.step("figures, table 1 and page")
         figures = {}
         for number, title, names in (("5", "Fig. 5: spherical mirrors", FIGURE_5),

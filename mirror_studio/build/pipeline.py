@@ -21,7 +21,7 @@ from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.outline_files import write_dxf
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import spec_as_json
+from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build import checks
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.methods import compare_methods, floor_of

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.desktop.sheet import Sheet, sheet
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.load import OPTICAL_FACE, reflector_of

@@ -11,7 +11,7 @@ from pathlib import Path
 from mirror_cad.errors import SpecError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec
+from mirror_cad.spec.file import load_spec
 from mirror_studio.drive.world import MM, eyes_of, own_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.errors import TraceError

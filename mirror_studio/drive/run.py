@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mirror_cad.spec_file import spec_as_json
+from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.drive import drawings

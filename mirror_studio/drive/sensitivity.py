@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
+from mirror_cad.laws.matched import with_solved
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.drive.mirrors import DrivenMirror, exported
@@ -36,22 +36,5 @@ def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures]
 def with_radii(spec: MirrorSpec, factor: float) -> MirrorSpec:
     """The specification with every radius of both laws `factor` times as large; a parameter that was solved for keeps the
     value that it had."""
-    solved = design(spec).matched
-    sections: dict[str, Any] = {}
-    for name in ("horizontal", "vertical"):
-        law = getattr(spec, name)
-        changed: dict[str, Any] = {}
-        for key in ("right_mm", "left_mm", "radius_mm"):
-            value = getattr(law, key, None)
-            if value is not None:
-                changed[key] = tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
-        if getattr(law, "curvature_per_mm", None) is not None:
-            changed["curvature_per_mm"] = tuple(one / factor for one in law.curvature_per_mm)
-        if getattr(law, "radius", None) is not None:
-            changed["radius"] = f"({law.radius})*{factor!r}"
-        if getattr(law, "curvature", None) is not None and isinstance(law.curvature, str):
-            changed["curvature"] = f"({law.curvature})/{factor!r}"
-        if name == "horizontal" and solved is not None:
-            changed |= {solved[0]: solved[1], "match": None}
-        sections[name] = law.model_copy(update=changed)
-    return spec.model_copy(update=sections)
+    horizontal = with_solved(spec.horizontal, design(spec).matched)
+    return spec.model_copy(update={"horizontal": horizontal.scaled(factor), "vertical": spec.vertical.scaled(factor)})

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mirror_cad.laws.words import plain
 from mirror_studio.drive.measured import Measured
 from mirror_studio.drive.table import WAY_DEFINITION, WAY_TITLE, cells, groups_of, ways
-from mirror_studio.report.text import fixed, law_in_short, plain, templates
+from mirror_studio.report.text import fixed, templates
 from mirror_studio.scene_file import AimSection, SceneFile
 
 SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "own flank, of width", 3),
@@ -43,16 +44,11 @@ def _sensitive(values: Mapping[str, Any], key: str, decimals: int) -> str:
 
 def _caption(each: Measured, figures: Mapping[str, Any]) -> str:
     spec = each.mirror.spec
-    laws = "" if spec is None else " × ".join(_law(getattr(spec, key)) for key in ("horizontal", "vertical")) + "; "
+    laws = "" if spec is None else f"{spec.horizontal.in_short()} × {spec.vertical.in_short()}; "
     field, size = figures["field_deg"], figures["magnification"]["horizontal"]
     return (f"{laws}yaw {fixed(figures['aim']['yaw_deg'], 1)}°, pitch {fixed(figures['aim']['pitch_deg'], 1)}°; horizon "
             f"{fixed(field['horizon_either'], 1)}° by either eye; far things {fixed(size['middle'], 2)} times as wide as in a "
             f"flat mirror in the middle, {fixed(size['least'], 2)} times at the least")
-
-
-def _law(law: Any) -> str:
-    """A law in a few words: a formula is too long to be read here."""
-    return "a formula" if law.law == "expression" else law_in_short(law.model_dump(exclude_none=True))
 
 
 def _lead(scene: SceneFile) -> str:

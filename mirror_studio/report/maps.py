@@ -17,9 +17,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.laws.words import plain
 from mirror_cad.outline import Outline
 from mirror_studio.report.fields import QUANTITIES, DeviationFields, Pair
-from mirror_studio.report.text import plain, with_unit
+from mirror_studio.report.text import with_unit
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.laws.words import plain
 from mirror_studio.report.basis import basis_rows, rounding_rows, sampling_rows
 from mirror_studio.report.cut_figures import comb_figure, radius_figure
 from mirror_studio.report.fields import LARGEST_PERCENT, QUANTITIES, DeviationFields, pairs_of
@@ -41,10 +42,8 @@ from mirror_studio.report.text import (
     fixed_with_unit,
     given,
     lane_in_words,
-    law_in_words,
     number,
     place,
-    plain,
     templates,
     with_unit,
 )
@@ -98,7 +97,7 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
     head = heading(mirror, manifest)
     page = templates().get_template("report.html.j2").render(
         title=f"{head['number'] or head['spec']}: curvature report", head=head, hands=HANDS, signatures=SIGNATURES,
-        contradictions=contradictions(mirror), facts=_facts(mirror, metrics),
+        contradictions=contradictions(mirror), facts=facts(mirror, metrics),
         verdicts=verdicts(mirror, deviation, fields, metrics),
         requirements=requirement_groups(findings.requirements, findings.uncertainty),
         basis=basis_rows(mirror, metrics, findings), sampling=sampling_rows(findings.uncertainty),
@@ -194,7 +193,7 @@ def _spans_of(mirror: Mirror) -> str:
     return f", least squares on {spans} spans of degree {mirror.faithful.degree},"
 
 
-def _facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
+def facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
     spec = mirror.spec
     x_min, x_max, y_min, y_max = mirror.box
     solved = mirror.matched[1] if mirror.matched else None
@@ -204,8 +203,8 @@ def _facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
     if eye:
         sits += f": ({', '.join(fixed(v, 1) for v in eye)}) mm"
     return [
-        ("Horizontal law Rx(x)", law_in_words(spec.horizontal.model_dump(), solved)),
-        ("Vertical law Ry(x)", law_in_words(spec.vertical.model_dump())),
+        ("Horizontal law Rx(x)", spec.horizontal.in_words(solved)),
+        ("Vertical law Ry(x)", spec.vertical.in_words()),
         ("Surface", METHODS[spec.surface.method]),
         ("Size", f"{fixed(x_max - x_min, 1)} × {fixed(y_max - y_min, 1)} mm, "
                  f"{plain(spec.glass.thickness_mm)} mm thick"

@@ -10,7 +10,7 @@ import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from mirror_studio.report.side_by_side import METHODS
-from mirror_studio.report.text import MISSING, fixed, fixed_with_unit, lane_in_words, law_in_short, templates, with_unit
+from mirror_studio.report.text import MISSING, fixed, fixed_with_unit, lane_in_words, templates, with_unit
 
 # Table 1's rows: key, name, unit. The paper's values keep its one decimal.
 MEASURES = (
@@ -93,12 +93,12 @@ def _table1_rows(table1: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _mirror_row(mirror: Mapping[str, Any]) -> dict[str, Any]:
     metrics, total = mirror.get("metrics") or {}, mirror["deviation"]["total"]
-    spec, verdicts = mirror.get("spec") or {}, mirror["deviation"]["verdicts"]
+    verdicts = mirror["deviation"]["verdicts"]
     worst = {key: with_unit(total.get(f"{key}_max_percent"), "%", sign=True) for key in ("k1", "k2", "twist")}
     methods = metrics.get("methods") or {}
     return {
         "name": mirror["name"],
-        "laws": [law_in_short(spec[key]) for key in ("horizontal", "vertical") if spec.get(key)],
+        "laws": mirror.get("laws") or [],
         "horizontal": _both(metrics.get("h_fov_deg"), ("section", "traced"), "°", 2),
         "vertical": _both(metrics.get("v_fov_left_deg"), ("section", "traced"), "°", 2),
         "lane": _both(metrics.get("lane_straightness_percent"), ("traced", "image"), "%", 1),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
+from mirror_cad.laws.words import plain
 from mirror_studio.report.probe import Probe
 from mirror_studio.report.step_change import StepChange
-from mirror_studio.report.text import MISSING, NARROW_SPACE, fixed, fixed_with_unit, given, place, plain, with_unit
+from mirror_studio.report.text import MISSING, NARROW_SPACE, fixed, fixed_with_unit, given, place, with_unit
 from mirror_studio.report.uncertainty import Uncertainty
 from mirror_studio.report.verdict_table import Requirement, Side
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from mirror_cad.laws.words import plain
 from mirror_studio.report.stages import Floor
-from mirror_studio.report.text import NARROW_SPACE, fixed, fixed_with_unit, number, place, plain, with_unit
+from mirror_studio.report.text import NARROW_SPACE, fixed, fixed_with_unit, number, place, with_unit
 
 METHODS = ("decoupled", "faithful")
 CURVATURES = ("shape", "k1", "k2", "kx", "ky", "twist")

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.laws.words import plain
 from mirror_cad.surfaces.differential import rms_norm
 from mirror_cad.surfaces.faithful import Faithful
 from mirror_studio.report.fields import QUANTITIES
 from mirror_studio.report.tables import Table
-from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, place, plain, with_unit
+from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, place, with_unit
 
 NUMERICAL = ("integration", "fit", "step")
 STAGE_NAMES = {"integration": "integration", "fit": "fit", "step": "STEP"}

@@ -10,6 +10,8 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from mirror_cad.laws.words import plain
+
 MISSING = "—"
 NARROW_SPACE = "\u202f"
 CLOSE_UNITS = ("°", "′", "″")
@@ -76,41 +78,6 @@ def place(xy: Sequence[float] | None) -> str:
                                                 for axis, value in zip("xy", xy, strict=True))
 
 
-def plain(value: float) -> str:
-    """A number as its writer gave it: 1250, 0.5, −2000."""
-    return f"{value:.10g}".replace("-", "−")
-
-
-def law_in_words(section: Mapping[str, Any], solved: float | None = None) -> str:
-    """A curvature law of a specification: “950 mm”, “1250 mm at the right, 400 mm at the left …”.
-
-    `solved` is the value that was found for a key that is "match".
-    """
-    law = section.get("law")
-    if law == "constant":
-        return _radius(section.get("radius_mm"))
-    if law == "table":
-        rows = len(section.get("x_mm") or ())
-        return f"table of {rows} rows" if rows else "table"
-    if law == "expression":
-        of = "radius" if section.get("radius") is not None else "curvature"
-        return f"{of} = {section.get(of)}"
-    words = f"{_radius(section.get('right_mm'))} at the right, {_radius(section.get('left_mm'))} at the left, "
-    if law == "power":
-        return f"{words}as t to the power {_solved(section.get('exponent'), solved)}"
-    if law == "zones":
-        return (f"{words}{section.get('blend')} blend from t = {_solved(section.get('blend_from'), solved)} "
-                f"to {plain(section.get('blend_to', 1.0))}")
-    return f"{words}linear between"
-
-
-def law_in_short(section: Mapping[str, Any]) -> str:
-    """The same for a table's cell: “950 mm”, “1250 → 400 mm, zones”, from right to left."""
-    if "right_mm" not in section:
-        return law_in_words(section)
-    return f"{plain(section['right_mm'])} → {plain(section['left_mm'])} mm, {section['law']}"
-
-
 def lane_in_words(lane: Mapping[str, float]) -> str:
     """The lane of a specification's scene: “Y = 2400 + 0.6·X”."""
     offset, slope = lane["x0_mm"], lane["slope"]
@@ -142,13 +109,3 @@ def _grouped(size: float, decimals: int) -> str:
     text = f"{size:,.{decimals}f}"
     # Four digits before the point read well without a gap, and a radius in mm has four.
     return text.replace(",", "" if size < 9999.5 else NARROW_SPACE)
-
-
-def _radius(radius_mm: Any) -> str:
-    if not isinstance(radius_mm, int | float) or math.isinf(radius_mm):
-        return "flat"
-    return f"{plain(radius_mm)} mm{' (concave)' if radius_mm < 0 else ''}"
-
-
-def _solved(value: Any, solved: float | None) -> str:
-    return plain(value) if isinstance(value, int | float) else f"{number(solved, 4)} (solved for)"

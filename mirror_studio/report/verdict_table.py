@@ -11,6 +11,7 @@ from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mirror import Mirror
 from mirror_studio.report.stages import NUMERICAL, STAGE_NAMES
 from mirror_studio.report.tables import Table
+from raytrace.measures.registry import registered
 
 Place = tuple[float, float]
 Side = Literal["size", "least", "most"]
@@ -70,8 +71,11 @@ def verdict_rows_table(rows: list[Requirement]) -> Table:
 def view_requirements(mirror: Mirror, metrics: Mapping[str, Any]) -> list[Requirement]:
     """What [limits] asks of fields of view and lane: a row for each side that is not free."""
     rows = []
-    for key, kind, name, unit in VIEW:
-        asked, actual = getattr(mirror.spec.limits, key), (metrics.get(key) or {}).get(kind)
+    limits, figures = mirror.spec.limits, metrics.get("measures") or {}
+    asked_for = [(getattr(limits, key), (metrics.get(key) or {}).get(kind), name, unit) for key, kind, name, unit in VIEW]
+    known = registered() if limits.by_name() else {}
+    asked_for += [(asked, figures.get(key), known[key].title, known[key].unit) for key, asked in limits.by_name().items()]
+    for asked, actual, name, unit in asked_for:
         for side, limit in zip(("least", "most"), asked or (), strict=False):
             if math.isfinite(limit):
                 rows.append(Requirement("view", name, unit, limit, math.nan if actual is None else actual,

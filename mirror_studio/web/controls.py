@@ -1,10 +1,18 @@
-"""The specification's keys in, the page's controls out: label, unit, range and what each is shown with."""
+"""The specification's schema in, the page's controls out: label, unit, range and what each is shown with."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
 
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from mirror_cad.keys import Shown
+from mirror_cad.laws import Law, Matched, registered
+from mirror_cad.spec import MirrorSpec
 from mirror_studio.web.protocol import ViewSettings
 
 Kind = Literal["number", "choice", "text", "flag"]
@@ -40,149 +48,190 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Controls under one heading.   view : the view that they are there for; "" for all."""
+    """Controls under one heading.
+
+    view : the view that they are there for; "" for all.   section : of the specification, of which it has all.
+    """
 
     title: str
     controls: tuple[Control, ...]
     open: bool = False
     view: Literal["", "road"] = ""
-
-
-LAWS = (("constant", "constant"), ("linear", "linear"), ("power", "power"), ("zones", "zones"), ("table", "table"),
-        ("expression", "formula"))
-ENDS = ("linear", "power", "zones")  # the laws between two radii
-
-
-def _radius(key: str, label: str, law: tuple[str, ...], help_: str = "") -> Control:
-    return Control(key, label, unit="mm", low=20.0, high=3000.0, step=5.0, digits=1, law=law, help=help_)
-
-
-def _law(section: str, axis: str) -> tuple[Control, ...]:
-    horizontal = section == "horizontal"
-    matched = ("power", "zones") if horizontal else ()
-    controls = (
-        Control(f"{section}.law", "Law", "choice", choices=LAWS),
-        _radius(f"{section}.radius_mm", f"{axis} everywhere", ("constant",)),
-        _radius(f"{section}.right_mm", f"{axis} right", ENDS, "At the right edge, on the driver's side"),
-        _radius(f"{section}.left_mm", f"{axis} left", ENDS, "At the left edge, outboard"),
-        Control(f"{section}.exponent", "Exponent", low=0.2, high=8.0, step=0.05, law=("power",)),
-        Control(f"{section}.blend_from", "Blend from t", low=0.0, high=1.0, step=0.01, law=("zones",),
-                help="t runs from 0 at the right edge to 1 at the left"),
-        Control(f"{section}.blend_to", "Blend to t", low=0.0, high=1.0, step=0.01, law=("zones",)),
-        Control(f"{section}.blend", "Blend", "choice", choices=(("smooth", "smooth"), ("linear", "linear")), law=("zones",)),
-        Control(f"{section}.radius", "R =", "text", law=("expression",), optional=True, default="1250",
-                help="A formula in t and x (mm)"),
-        Control(f"{section}.curvature", "or κ =", "text", law=("expression",), optional=True, default="1/1250",
-                help="A formula in t and x (mm), per mm"),
-    )
-    if not horizontal:
-        return controls
-    return (*controls,
-            Control("horizontal.match.sphere_mm", "Sphere", unit="mm", low=300.0, high=2000.0, step=5.0,
-                    digits=1, law=matched, help="The open number is solved so that the section H-FOV is that of this sphere"),
-            Control("horizontal.match.h_fov_deg", "H-FOV", unit="°", low=10.0, high=90.0, step=0.1, law=matched,
-                    help="The open number is solved so that the section H-FOV is this"),
-            Control("horizontal.level_at", "Level at", "choice", unit="mm", low=-115.0, high=115.0, step=1.0, digits=1,
-                    choices=(("centre", "centre"), ("right", "right edge"), ("left", "left edge"), ("number", "x ="))),
-            Control("horizontal.span_mm.0", "t = 1 at x", unit="mm", low=-200.0, high=200.0, digits=1, optional=True,
-                    default=-115.0),
-            Control("horizontal.span_mm.1", "t = 0 at x", unit="mm", low=-200.0, high=200.0, digits=1, optional=True,
-                    default=115.0))
-
-
-def _length(key: str, label: str, low: float, high: float, step: float = 1.0, **more: Any) -> Control:
-    return Control(key, label, unit="mm", low=low, high=high, step=step, digits=2, **more)
+    section: str = ""
 
 
 def _metres(key: str, label: str, low: float, high: float, help_: str) -> Control:
     return Control(key, label, unit="m", low=low, high=high, step=0.01, help=help_)
 
 
-GROUPS = (
-    Group("Aim and eyes on the road", (
-        Control("look.hand", "Mirror", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
-                help="The laws describe the left mirror; the right one is its reflection"),
-        Control("look.flank_share", "Own flank", low=0.0, high=0.5, step=0.01,
-                help="Share of the mirror's width, from its inboard edge, that the own flank takes on the horizon's row"),
-        Control("look.horizon_share", "Horizon at", low=0.2, high=0.9, step=0.01,
-                help="Share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the width"),
-        _metres("look.eye_x_m", "Eyes rearward", -0.3, 0.6, "Of where the scene has them; the mirror stays"),
-        _metres("look.eye_y_m", "Eyes to the right", -0.8, 0.8, "Of the vehicle's middle"),
-        _metres("look.eye_z_m", "Eyes above road", 1.0, 3.0, "The middle between the two ocular points"),
-        Control("look.eyes_apart_m", "Eyes apart", unit="m", low=0.0, high=0.1, step=0.001, digits=4,
-                help="UN Regulation 46 has 0.065 m"),
-    ), True, "road"),
-    Group("Horizontal radius Rx", _law("horizontal", "Rx"), True),
-    Group("Vertical radius Ry", _law("vertical", "Ry"), True),
-    Group("Eye and pose", (
-        _length("eye.distance_mm", "Eye to mirror", 300.0, 3000.0, 5.0),
-        Control("eye.aligned", "Eye in line with", "choice",
-                choices=(("right", "right edge"), ("centre", "centre"), ("left", "left edge"))),
-        Control("look.yaw_deg", "Yaw", unit="°", low=-20.0, high=20.0, step=0.1,
-                help="Turns the face towards the driver's side, before the picture; on the road the aim does"),
-        Control("look.pitch_deg", "Pitch", unit="°", low=-20.0, high=20.0, step=0.1,
-                help="Turns the face up, before the picture; on the road the aim does"),
-    )),
-    Group("Outline and blank", (
-        _length("outline.width_mm", "Width", 20.0, 600.0),
-        _length("outline.left_height_mm", "Height, left", 20.0, 600.0),
-        _length("outline.right_height_mm", "Height, right", 20.0, 600.0),
-        _length("outline.corner_radius_mm", "Corner radius", 0.0, 150.0),
-        _length("blank.width_mm", "Blank width", 20.0, 700.0),
-        _length("blank.height_mm", "Blank height", 20.0, 700.0),
-    )),
-    Group("Glass", (
-        _length("glass.thickness_mm", "Thickness", 0.5, 12.0, 0.1),
-        Control("glass.reflecting", "Reflects from", "choice", choices=(("front", "the front"), ("back", "the back"))),
-        Control("glass.index", "Refractive index", low=1.0, high=2.0, step=0.005),
-    )),
-    Group("Scene", (
-        Control("scene.image", "Picture", "text"),
-        _length("scene.distance_mm", "Plane behind eye", 1000.0, 100_000.0, 100.0),
-        _length("scene.width_mm", "Width on plane", 1000.0, 100_000.0, 100.0),
-        _length("scene.centre_mm.0", "Centre X", -20_000.0, 20_000.0, 50.0),
-        _length("scene.centre_mm.1", "Centre Y", -20_000.0, 20_000.0, 50.0),
-        _length("scene.lane.x0_mm", "Lane X₀", -10_000.0, 10_000.0, 50.0),
-        _length("scene.lane.y0_mm", "Lane Y₀", -10_000.0, 10_000.0, 50.0),
-        Control("scene.lane.slope", "Lane slope", low=-3.0, high=3.0, step=0.01),
-    )),
-    Group("Surface and limits", (
-        Control("surface.method", "Method", "choice",
-                choices=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful"))),
-        Control("surface.integration", "Integration", "choice",
-                choices=(("quadrature", "quadrature"), ("euler", "Euler (the paper's)"), ("rk4", "Runge–Kutta 4"))),
-        _length("surface.step_mm", "Integration step", 0.1, 20.0, 0.1, optional=True, default=1.0),
-        Control("surface.fit", "Fit", "choice",
-                choices=(("collocation", "collocation"), ("occt-interpolate", "kernel, interpolating"),
-                         ("occt-approximate", "kernel, approximating"))),
-        Control("surface.degree", "Degree", "choice",
-                choices=(("auto", "automatic"), *((n, str(n)) for n in range(3, 10)))),
-        Control("surface.spans", "Spans", "choice", choices=(("auto", "automatic"), ("number", "nx × ny"))),
-        Control("surface.position_tolerance_mm", "Position tol.", unit="mm", low=1e-7, high=1e-3, step=1e-6, digits=7),
-        Control("surface.curvature_tolerance_percent", "Curvature tol.", unit="%", low=1e-4, high=1.0, step=1e-3, digits=4),
-        Control("limits.curvature_percent", "Part's limit", unit="%", low=0.1, high=20.0, step=0.1, optional=True,
-                default=5.0, help="The limit band of the laws, and what the built part must meet"),
-    )),
-    Group("Part", (
-        Control("part.number", "Number", "text", optional=True, help="Of the drawing: “none stated” without one"),
-        Control("part.revision", "Revision", "text", optional=True),
-        Control("part.hand", "Hand", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
-                help="What the report says; the laws and files stay as they are"),
-        Control("part.title", "Title", "text", optional=True),
-    )),
-    Group("Files", (
-        Control("name", "Name", "text"),
-        Control("view.width_px", "Picture width", unit="px", low=320.0, high=4096.0, step=16.0, digits=0),
-        _length("export.stl_deflection_mm", "STL deflection", 0.001, 1.0, 0.001),
-        _length("export.surface_margin_mm", "Sheet margin", 0.0, 50.0),
-    )),
-)
+UNITS = {"_mm": "mm", "_deg": "°", "_percent": "%", "_px": "px"}  # by how a key ends
+NUMBER = "number"  # among the words of a choice: a number may be entered instead
+
+
+def groups() -> tuple[Group, ...]:
+    """All controls of the page, those of the laws that are known now among them."""
+    named = (
+        Group("Aim and eyes on the road", (
+            Control("look.hand", "Mirror", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
+                    help="The laws describe the left mirror; the right one is its reflection"),
+            Control("look.flank_share", "Own flank", low=0.0, high=0.5, step=0.01,
+                    help="Share of the mirror's width, from its inboard edge, that the own flank takes on the horizon's row"),
+            Control("look.horizon_share", "Horizon at", low=0.2, high=0.9, step=0.01,
+                    help="Share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the "
+                         "width"),
+            _metres("look.eye_x_m", "Eyes rearward", -0.3, 0.6, "Of where the scene has them; the mirror stays"),
+            _metres("look.eye_y_m", "Eyes to the right", -0.8, 0.8, "Of the vehicle's middle"),
+            _metres("look.eye_z_m", "Eyes above road", 1.0, 3.0, "The middle between the two ocular points"),
+            Control("look.eyes_apart_m", "Eyes apart", unit="m", low=0.0, high=0.1, step=0.001, digits=4,
+                    help="UN Regulation 46 has 0.065 m"),
+        ), True, "road"),
+        Group("Horizontal radius Rx", _law("horizontal", "Rx"), True, section="horizontal"),
+        Group("Vertical radius Ry", _law("vertical", "Ry"), True, section="vertical"),
+        Group("Eye and pose", (
+            *_section("eye"),
+            Control("look.yaw_deg", "Yaw", unit="°", low=-20.0, high=20.0, step=0.1,
+                    help="Turns the face towards the driver's side, before the picture; on the road the aim does"),
+            Control("look.pitch_deg", "Pitch", unit="°", low=-20.0, high=20.0, step=0.1,
+                    help="Turns the face up, before the picture; on the road the aim does"),
+        )),
+        Group("Outline and blank", (*_section("outline"), *_section("blank")), section="outline"),
+        Group("Glass", _section("glass")),
+        Group("Scene", _section("scene"), section="scene"),
+        Group("Surface and limits", (*_section("surface"), *_section("limits"))),
+        Group("Part", _section("part")),
+        Group("Files", (*_keys(MirrorSpec, ""), *_section("view"), *_section("export"))),
+    )
+    held = {control.key.split(".")[0] for group in named for control in group.controls}
+    others = (Group(name.capitalize(), _section(name)) for name in MirrorSpec.model_fields if name not in held)
+    return (*named, *(group for group in others if group.controls))
 
 
 def controls() -> list[dict[str, Any]]:
     """All groups as JSON holds them."""
     look = ViewSettings.model_json_schema()["properties"]
-    return [asdict(replace(group, controls=tuple(_bounded(control, look) for control in group.controls))) for group in GROUPS]
+    return [asdict(replace(group, controls=tuple(_bounded(control, look) for control in group.controls)))
+            for group in groups()]
+
+
+def laws() -> dict[str, dict[str, Any]]:
+    """What the page has to know of each law, as JSON holds it.
+
+    open : the key that may be "match", or None.   start : what the law's keys have when it is chosen (see `Shown`).
+    points : by which keys its curve is dragged, with where they are and what they are called.
+    """
+    found = {}
+    for name, law in registered().items():
+        own = {key: field for key, field in law.model_fields.items() if key not in ({"law"} | Law.horizontal_only)}
+        points = [{"key": key, "at": shown.drag, "label": shown.label} for key, field in own.items()
+                  if (shown := _shown(field)).drag]
+        starts = {key: _start(field) for key, field in own.items()}
+        found[name] = {"open": law.open_key if issubclass(law, Matched) else None, "points": points,
+                       "start": {key: start for key, start in starts.items() if start is not None}}
+    return found
+
+
+def _section(name: str) -> tuple[Control, ...]:
+    model = MirrorSpec.model_fields[name].annotation
+    return tuple(_keys(model, f"{name}.")) if isinstance(model, type) and issubclass(model, BaseModel) else ()
+
+
+def _law(section: str, axis: str) -> tuple[Control, ...]:
+    """Every law's keys; one that several laws have is one control."""
+    names = tuple((name, law.title or name) for name, law in registered().items())
+    found: dict[str, Control] = {}
+    for name, law in registered().items():
+        for control in _keys(law, f"{section}.", axis):
+            before = found.get(control.key)
+            found[control.key] = replace(before or control, law=(*(before.law if before else ()), name))
+    everywhere = [replace(control, law=()) if len(control.law) == len(names) else control for control in found.values()]
+    beside = [control for control in everywhere if control.key.split(".")[1] in Law.horizontal_only]
+    own = [control for control in everywhere if control not in beside]
+    # What is solved for stands next to the keys that it is solved by.
+    beside.sort(key=lambda control: not control.law)
+    return (Control(f"{section}.law", "Law", "choice", choices=names), *own, *(beside if section == "horizontal" else ()))
+
+
+def _keys(model: type[BaseModel], before: str, axis: str = "", given: bool = False) -> Iterator[Control]:
+    """The controls of a section's keys.   given : the section itself may be left out, so that its keys are all optional."""
+    for name, field in model.model_fields.items():
+        shown, kinds = _shown(field), _kinds(field.annotation)
+        sections = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
+        if sections and before:
+            yield from _keys(sections[0], f"{before}{name}.", axis, type(None) in kinds)
+        if sections or shown.elsewhere or (name == "law" and issubclass(model, Law)):
+            continue
+        control = Control(before + name, (shown.label or name.replace("_", " ")).replace("{axis}", axis), help=shown.help,
+                          unit=shown.unit or next((unit for end, unit in UNITS.items() if name.endswith(end)), ""),
+                          step=shown.step, digits=shown.digits, optional=type(None) in kinds and not given)
+        if control.optional:
+            control = replace(control, default=_plain(shown.start))
+        if float in kinds or int in kinds:
+            low, high = _range(field)
+            control = replace(control, low=low if shown.low is None else shown.low,
+                              high=high if shown.high is None else shown.high)
+        words = [word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)]
+        pair = next((kind for kind in kinds if get_origin(kind) is tuple and Ellipsis not in get_args(kind)), None)
+        if shown.words or (words and float not in kinds and int not in kinds):
+            choices = shown.words or tuple((one, str(one)) for one in words)
+            slider = NUMBER in dict(choices) and shown.low is not None
+            yield replace(control, kind="choice", low=shown.low if slider else None, high=shown.high if slider else None,
+                          choices=choices)
+        elif pair is not None:
+            labels = shown.label.split(", ") if ", " in shown.label else [f"{control.label} {i + 1}" for i in (0, 1)]
+            for i, label in enumerate(labels):
+                default = shown.start[i] if control.optional and isinstance(shown.start, tuple) else None
+                yield replace(control, key=f"{control.key}.{i}", label=label, low=shown.low, high=shown.high, default=default)
+        elif float in kinds or int in kinds:
+            yield control
+        elif bool in kinds:
+            yield replace(control, kind="choice", choices=((True, "yes"), (False, "no")))
+        elif str in kinds:
+            yield replace(control, kind="text")
+
+
+def _shown(field: FieldInfo) -> Shown:
+    return next((mark for mark in field.metadata if isinstance(mark, Shown)), Shown())
+
+
+def _kinds(annotation: Any) -> list[Any]:
+    """The types of a union, without what they are annotated with."""
+    if hasattr(annotation, "__metadata__"):
+        return _kinds(annotation.__origin__)
+    if get_origin(annotation) in (Union, UnionType):
+        return [kind for one in get_args(annotation) for kind in _kinds(one)]
+    return [annotation]
+
+
+def _range(field: FieldInfo) -> tuple[float, float]:
+    """What the field itself takes, or where nobody says a slider's first range."""
+    marks = list(field.metadata)
+    for one in (field.annotation, *get_args(field.annotation)):
+        for mark in getattr(one, "__metadata__", ()):
+            marks += [mark, *getattr(mark, "metadata", ())]
+    found = {side: getattr(mark, side) for mark in marks for side in ("gt", "ge", "lt", "le")
+             if getattr(mark, side, None) is not None}
+    low = float(found.get("ge", found.get("gt", 0.0)))
+    high = float(found.get("le", found.get("lt", low + 1.0)))
+    # The end itself is refused: a hundredth of the way in.
+    inset = 0.01 * (high - low)
+    return (low + inset if "gt" in found else low), (high - inset if "lt" in found else high)
+
+
+def _plain(start: Any) -> Any:
+    """A start that needs no law before it."""
+    return None if isinstance(start, str) and start.startswith("$") else start
+
+
+def _start(field: FieldInfo) -> Any:
+    """What a law's key begins with; a key that must be given and says nothing of it begins in the middle of its range."""
+    start, kinds = _shown(field).start, _kinds(field.annotation)
+    if start is not None or not field.is_required():
+        return start
+    if float in kinds or int in kinds:
+        middle = 0.5 * sum(_range(field))
+        return middle if float in kinds else round(middle)
+    words = [word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)]
+    return words[0] if words else ""
 
 
 def _bounded(control: Control, look: dict[str, Any]) -> Control:

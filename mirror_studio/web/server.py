@@ -25,10 +25,10 @@ from pydantic import ValidationError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from mirror_cad.errors import FileError, SpecError
+from mirror_cad.laws import Table
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_laws import TableLaw
 from mirror_studio.web import state
-from mirror_studio.web.controls import controls
+from mirror_studio.web.controls import controls, laws
 from mirror_studio.web.downloads import KINDS, Downloads, NotMadeError, kinds
 from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, look_faults
 from mirror_studio.web.session import Session, Shared
@@ -95,7 +95,7 @@ def create_app(port: int) -> ASGIApp:
     """The studio as an application that answers on this port of the local host alone."""
     static = _static()
     start = json.dumps({"presets": state.presets(), "look": state.as_look(ViewSettings()), "opens_on": state.OPENS_ON,
-                        "controls": controls(), "kinds": kinds(), "version": metadata.version("mirror-cad"),
+                        "controls": controls(), "laws": laws(), "kinds": kinds(), "version": metadata.version("mirror-cad"),
                         "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
                                     for kind, limit in LIMITS.items()}})
     open_ = 0
@@ -172,7 +172,7 @@ def create_app(port: int) -> ASGIApp:
 
 def _warm() -> None:
     """The kernels loaded and the opening design made before a page asks for it."""
-    from mirror_cad.spec_file import load_spec
+    from mirror_cad.spec.file import load_spec
     from mirror_studio.web import engine
 
     engine.show(load_spec(state.OPENS_ON), ViewSettings())
@@ -208,11 +208,11 @@ async def _upload(shared: Shared, kind: str, ending: str, name: str, request: Re
 
 def _table(path: Any) -> dict[str, Any]:
     try:
-        law = TableLaw.model_validate({"law": "table", "file": path.name}, context={"folder": path.parent})
+        law = Table.model_validate({"law": "table", "file": path.name}, context={"folder": path.parent})
     except ValidationError as error:
         texts = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors(include_url=False)]
         raise SpecError([text.replace(f"file = \"{path}\"", "the table") for text in texts]) from None
-    return law.model_dump(exclude_none=True)
+    return law.model_dump(exclude_none=True, exclude=set(Table.horizontal_only))
 
 
 async def _toml(shared: Shared, request: Request) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_file import load_spec, preset_names, spec_as_json, validate_spec
+from mirror_cad.spec.file import load_spec, preset_names, spec_as_json, validate_spec
 from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.uploads import NAME, Uploads
 

@@ -157,4 +157,5 @@ def lane_in_use(use: MirrorInUse) -> LaneStraightness:
 register(Measure(
     "lane_straightness_percent", "lane straightness on the reference plane", "%", 1,
     "the paper's: (|Δy_curve| − |Δy_line|)/|Δy_line| of a straight lane's image between the mirror's edges, the line being its "
-    "tangent at the right one; the mirror not turned", lambda use: use.record(lane_in_use).percent, "setup", "Straightness", "less", local=True))
+    "tangent at the right one; the mirror not turned", lambda use: use.record(lane_in_use).percent, "setup", "Straightness",
+    "less", local=True))

@@ -14,7 +14,7 @@ from scipy.interpolate import NdBSpline
 
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mirror import Mirror, design
-from mirror_cad.spec_file import validate_spec
+from mirror_cad.spec.file import validate_spec
 from mirror_studio.bench.hard.sheets import Array
 from mirror_studio.bench.hard.specs import Spec
 

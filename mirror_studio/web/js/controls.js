@@ -11,9 +11,10 @@ import { post } from "./wire.js";
 const LOOK = /^look\./;
 
 export class Controls {
+  // laws: of each what it begins with and which of its keys may be open.
   // fail(problem, kind) says what is wrong, well(kind) that it is no more.
-  constructor(groups, store, uploads, { fail, well }) {
-    Object.assign(this, { store, uploads, fail, well });
+  constructor(groups, laws, store, uploads, { fail, well }) {
+    Object.assign(this, { laws, store, uploads, fail, well });
     this.ranges = new LookRanges(groups);
     this.typed = null; // the field in which something is being entered: it is left alone until that is done
     this.rows = [];
@@ -33,10 +34,10 @@ export class Controls {
   group(group) {
     const body = el("div", { class: "rows" });
     for (const control of group.controls) body.append(this.row(control));
-    if (group.title.startsWith("Horizontal")) { this.matchRow(body); this.tableRow(body, "horizontal", "Rx"); }
-    if (group.title.startsWith("Vertical")) this.tableRow(body, "vertical", "Ry");
-    if (group.title.startsWith("Outline")) this.fileRow(body, "outline", "Outline from DXF or SVG …", "outline.file");
-    if (group.title === "Scene") this.fileRow(body, "picture", "Picture from a file …", "scene.image");
+    if (group.section === "horizontal") { this.matchRow(body); this.tableRow(body, "horizontal", "Rx"); }
+    if (group.section === "vertical") this.tableRow(body, "vertical", "Ry");
+    if (group.section === "outline") this.fileRow(body, "outline", "Outline from DXF or SVG …", "outline.file");
+    if (group.section === "scene") this.fileRow(body, "picture", "Picture from a file …", "scene.image");
     const element = el("details", { open: group.open }, el("summary", {}, group.title), body);
     if (group.view) {
       this.groups.push({ view: group.view, element });
@@ -57,7 +58,7 @@ export class Controls {
       if (LOOK.test(key)) { put(now, key, value); return; }
       if (/\.law$/.test(key)) { now.spec[key.split(".")[0]] = this.law(key.split(".")[0], value); return; }
       if (key === "surface.integration") put(now.spec, "surface.step_mm", value === "quadrature" ? undefined : now.spec.surface.step_mm ?? 1);
-      if ((key === "horizontal.blend_from" || key === "horizontal.exponent") && now.spec.horizontal.match) delete now.spec.horizontal.match;
+      if (key === `horizontal.${this.laws[now.spec.horizontal.law]?.open}` && now.spec.horizontal.match) delete now.spec.horizontal.match;
       const at = key.match(/^(.*)\.([01])$/);
       if (at) {
         const list = [...(get(now.spec, at[1]) ?? this.defaults(at[1]))];
@@ -79,26 +80,25 @@ export class Controls {
     const radius = (k) => (Math.abs(k) > FLAT ? Math.round(10000 / k) / 10 : 1250);
     let [left, right] = [radius(curve[0]), radius(curve.at(-1))];
     if (left * right < 0) left = right;
+    const [x0, x1] = answer?.box_mm ?? [-115, 115];
+    const places = [0, 1, 2, 3, 4, 5, 6].map((i) => i / 6);
+    const samples = places.map((s) => curve[Math.round(s * (curve.length - 1))]);
+    const bent = samples.every((k) => Math.abs(k) > FLAT);
+    const near = { $right: right, $left: left, $x: places.map((s) => Math.round(10 * (x0 + s * (x1 - x0))) / 10),
+      $radius: bent ? samples.map(radius) : undefined, $curvature: bent ? undefined : samples.map((k) => k / 1000) };
     const law = { law: kind };
-    if (kind === "constant") law.radius_mm = right;
-    if (["linear", "power", "zones"].includes(kind)) Object.assign(law, { right_mm: right, left_mm: left });
-    if (kind === "power") law.exponent = 2;
-    if (kind === "zones") Object.assign(law, { blend_from: 0.5, blend_to: 1, blend: "smooth" });
-    if (kind === "expression") law.radius = `${right} + (${left} - ${right})*t`;
-    if (kind === "table") {
-      const [x0, x1] = answer?.box_mm ?? [-115, 115];
-      const places = [0, 1, 2, 3, 4, 5, 6].map((i) => i / 6);
-      law.x_mm = places.map((s) => Math.round(10 * (x0 + s * (x1 - x0))) / 10);
-      const values = places.map((s) => curve[Math.round(s * (curve.length - 1))]);
-      if (values.every((k) => Math.abs(k) > FLAT)) law.radius_mm = values.map(radius);
-      else law.curvature_per_mm = values.map((k) => k / 1000);
+    for (const [key, first] of Object.entries(this.laws[kind].start)) {
+      if (typeof first !== "string") law[key] = first;
+      else if (!(first in near)) law[key] = first.replace(/\$(right|left)/g, (name) => near[name]);
+      else if (near[first] !== undefined) law[key] = near[first];
     }
     if (section === "horizontal") {
       law.level_at = old.level_at ?? "centre";
       if (old.span_mm) law.span_mm = old.span_mm;
-      if (old.match && (kind === "power" || kind === "zones")) {
+      const { open } = this.laws[kind];
+      if (old.match && open) {
         law.match = old.match;
-        law[kind === "power" ? "exponent" : "blend_from"] = "match";
+        law[open] = "match";
       }
     }
     return law;
@@ -203,7 +203,7 @@ export class Controls {
 
   matchRow(body) {
     const select = el("select", { id: "c-match", "aria-label": "Solve the open number for", onchange: () => this.store.edit((now) => {
-      const law = now.spec.horizontal, open = law.law === "power" ? "exponent" : "blend_from";
+      const law = now.spec.horizontal, { open } = this.laws[law.law];
       const solved = this.answer?.matched?.[open];
       if (select.value === "none") { delete law.match; if (law[open] === "match") law[open] = Math.round(1e4 * (solved ?? 0.5)) / 1e4; } else {
         law.match = select.value === "sphere" ? { sphere_mm: 950 }
@@ -238,11 +238,11 @@ export class Controls {
     } catch (error) { this.fail(error, "upload"); }
   }
 
-  // As it stands where the law is a table; else sampled from the curve.
+  // As it stands where the law has rows; else sampled from the curve.
   tableOut(section, axis) {
     const law = this.store.now.spec[section];
     let header, rows;
-    if (law.law === "table") {
+    if (law.x_mm) {
       header = `x_mm,${law.radius_mm ? "radius_mm" : "curvature_per_mm"}`;
       rows = law.x_mm.map((x, i) => `${x},${(law.radius_mm ?? law.curvature_per_mm)[i]}`);
     } else {
@@ -258,8 +258,8 @@ export class Controls {
   drawTable(section) {
     const { rows, axis } = this.tables[section];
     const law = this.store.now.spec[section];
-    if (law.law !== "table" || law.x_mm.length > MOST_ROWS) {
-      rows.replaceChildren(...(law.law === "table" ? [`${law.x_mm.length} rows: edit them as CSV`] : []));
+    if (!law.x_mm || law.x_mm.length > MOST_ROWS) {
+      rows.replaceChildren(...(law.x_mm ? [`${law.x_mm.length} rows: edit them as CSV`] : []));
       rows.shape = null;
       return;
     }
@@ -349,7 +349,7 @@ export class Controls {
       if (row.range) this.fill(row, value);
     }
     const law = spec.horizontal;
-    this.match.line.hidden = !["power", "zones"].includes(law.law);
+    this.match.line.hidden = !this.laws[law.law]?.open;
     this.match.select.value = !law.match ? "none" : law.match.sphere_mm !== undefined ? "sphere" : "angle";
     for (const section of ["horizontal", "vertical"]) this.drawTable(section);
     const file = { "outline.file": spec.outline.file, "scene.image": spec.scene.image === "road" ? undefined : spec.scene.image };

@@ -7,10 +7,9 @@ const PAD = { left: 40, right: 10, top: 20, bottom: 18 };
 const LEAST_MM = 20; // to which a radius is dragged: nothing smaller is a mirror's
 
 export class LawPlot {
-  constructor(section, axis, store) {
-    this.section = section;
-    this.axis = axis;
-    this.store = store;
+  // laws: of each the keys by which its curve is dragged.
+  constructor(section, axis, store, laws) {
+    Object.assign(this, { section, axis, store, laws });
     this.held = null; // the scale while a point is dragged: it widens only for what lies beyond it
     this.svg = el("svg:svg", { class: "law", role: "group", "aria-label": `Law ${axis}(x): drag its points, or use the arrow keys on them` });
     this.grid = el("svg:g", { class: "grid" });
@@ -118,37 +117,29 @@ export class LawPlot {
   all() {
     const law = this.store.now.spec[this.section], { section } = this;
     const [x0, x1] = this.answer.box_mm;
-    const radius = (key) => (x, r) => { this.store.now.spec[section][key] = r; };
-    const solved = this.answer.matched ?? {};
-    const two = () => [
-      { id: "right_mm", label: `${this.axis} right`, x: Math.min(this.xOf(0), x1), r: law.right_mm, move: radius("right_mm") },
-      { id: "left_mm", label: `${this.axis} left`, x: Math.max(this.xOf(1), x0), r: law.left_mm, move: radius("left_mm") }];
-    if (law.law === "constant") {
-      const r = law.radius_mm === "inf" ? Infinity : law.radius_mm;
-      return [{ id: "radius_mm", label: `${this.axis} everywhere`, x: 0.5 * (x0 + x1), r, move: radius("radius_mm") }];
-    }
-    if (law.law === "linear" || law.law === "power") return two();
-    if (law.law === "zones") {
-      const from = typeof law.blend_from === "number" ? law.blend_from : solved.blend_from ?? 0.5;
-      return [...two(),
-        { id: "blend_from", label: "Blend begins", x: this.xOf(from), r: law.right_mm, onAxis: true, solved: law.blend_from === "match",
-          move: (x) => this.blend(x, "blend_from", 0, law.blend_to - 0.01) },
-        { id: "blend_to", label: "Blend ends", x: this.xOf(law.blend_to), r: law.left_mm, onAxis: true,
-          move: (x) => this.blend(x, "blend_to", from + 0.01, 1) }];
-    }
-    if (law.law === "table") {
-      if (law.x_mm.length > MOST_ROWS) return [];
-      const radii = law.radius_mm?.map((r) => (typeof r === "number" ? r : Infinity)) ?? law.curvature_per_mm.map((k) => (Math.abs(1000 * k) > FLAT ? 1 / k : Infinity));
-      return law.x_mm.map((x, i) => ({ id: `${i}`, label: `${this.axis} at x = ${x}`, x, r: radii[i],
-        move: (to, r) => this.node(i, to, r) }));
-    }
-    return [];
+    const solved = this.answer.matched ?? {}, { points = [] } = this.laws[law.law] ?? {};
+    const along = points.filter(({ at }) => at === "t").map(({ key }) => key); // in rising t
+    const t = (key) => (typeof law[key] === "number" ? law[key] : solved[key] ?? 0.5);
+    const found = points.map(({ key, at, label }) => {
+      const name = { id: key, label: label.replaceAll("{axis}", this.axis) };
+      if (at === "t") {
+        const i = along.indexOf(key), low = i ? t(along[i - 1]) + 0.01 : 0, high = i + 1 < along.length ? t(along[i + 1]) - 0.01 : 1;
+        return { ...name, x: this.xOf(t(key)), onAxis: true, solved: law[key] === "match", move: (x) => this.along(x, key, low, high) };
+      }
+      const r = law[key] === "inf" ? Infinity : law[key];
+      const x = { right: Math.min(this.xOf(0), x1), left: Math.max(this.xOf(1), x0), everywhere: 0.5 * (x0 + x1) }[at];
+      return { ...name, x, r, move: (to, radius) => { this.store.now.spec[section][key] = radius; } };
+    });
+    if (!law.x_mm || law.x_mm.length > MOST_ROWS) return found;
+    const radii = law.radius_mm?.map((r) => (typeof r === "number" ? r : Infinity)) ?? law.curvature_per_mm.map((k) => (Math.abs(1000 * k) > FLAT ? 1 / k : Infinity));
+    return [...found, ...law.x_mm.map((x, i) => ({ id: `${i}`, label: `${this.axis} at x = ${x}`, x, r: radii[i],
+      move: (to, r) => this.node(i, to, r) }))];
   }
 
-  blend(x, key, low, high) {
+  along(x, key, low, high) {
     const law = this.store.now.spec[this.section];
     law[key] = Math.round(1e4 * Math.min(high, Math.max(low, this.tOf(x)))) / 1e4;
-    if (key === "blend_from" && law.match) delete law.match;
+    if (key === this.laws[law.law]?.open && law.match) delete law.match;
   }
 
   node(i, x, r) {

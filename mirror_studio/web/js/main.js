@@ -40,9 +40,9 @@ find("#error-close").addEventListener("click", () => { wrong.clear(); say(); });
 // --- the parts ---
 
 const store = new Store(start.presets, start.look, start.opens_on, changed);
-const laws = [new LawPlot("horizontal", "Rx", store), new LawPlot("vertical", "Ry", store)];
+const laws = [new LawPlot("horizontal", "Rx", store, start.laws), new LawPlot("vertical", "Ry", store, start.laws)];
 find("#laws").append(...laws.map((law) => law.element));
-const controls = new Controls(start.controls, store, start.uploads, { fail, well });
+const controls = new Controls(start.controls, start.laws, store, start.uploads, { fail, well });
 find("#controls").append(controls.element);
 const stage = new Stage(find("#driver-view"), find("#readout"), {
   probe: (at) => wire.ask({ type: "probe", ...at }),

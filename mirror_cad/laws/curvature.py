@@ -1,22 +1,25 @@
-"""Curvature laws: the position x along the horizontal in, the curvature κ(x) and the places where it breaks out."""
+"""κ(x), what every law comes to: the curvature at x, and where it is less than smooth."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from mirror_cad.errors import SpecError
-from mirror_cad.formula import parse_formula
-from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
+from mirror_cad.keys import SMALLEST_RADIUS_MM
+
+if TYPE_CHECKING:
+    from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 
 Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
 
 SMOOTH = 99  # continuous derivatives of a law where it has no break worth a knot
-LARGEST_CURVATURE = 1.0  # 1/mm: a pole in a formula passes it at once, a radius that any mirror has never does
+LARGEST_CURVATURE = 1.0 / SMALLEST_RADIUS_MM  # 1/mm: a pole in a formula passes it at once
 # A piece of the series narrower than this marks a kink or jump that the law's text does not announce (an expression
 # with min or max, say): halving stops there at some 1e-4 mm, and nothing smooth needs pieces of less than 0.01 mm.
 HIDDEN_BREAK_MM = 5e-3
@@ -52,7 +55,7 @@ class CurvatureLaw:
     function : x (n,) -> κ (n,).   breaks : where κ is less than smooth, in rising x.
     """
 
-    function: Callable[[Array], Array]
+    function: Function
     breaks: tuple[Break, ...]
     description: str = field(default="law")
 
@@ -61,6 +64,10 @@ class CurvatureLaw:
 
         Raises: SpecError where κ is not finite or above LARGEST_CURVATURE, with the place.
         """
+
+        from mirror_cad.surfaces.piecewise import (
+            approximate,  # compiled: loaded where a law is worked with, not where one is read
+        )
 
         def checked(x: Array) -> Array:
             kappa = self.function(x)
@@ -94,72 +101,18 @@ class CurvatureLaw:
         return tuple(sorted(found, key=lambda b: b.x_mm))
 
 
-def _over_t(radius: Callable[[Array], Array], span: Span, breaks: dict[float, int], description: str) -> CurvatureLaw:
+def over_t(radius: Function, span: Span, breaks: dict[float, int], description: str) -> CurvatureLaw:
+    """Make the law κ(x) = 1/R(t(x)) of a radius over t, mm.
+
+    Parameters
+    ----------
+    radius : callable
+        t (n,) -> R (n,), finite and of one sign.
+    breaks : dict
+        How many derivatives are continuous at t, by t.
+    """
     places = sorted((Break(span.x(t), smoothness) for t, smoothness in breaks.items()), key=lambda b: b.x_mm)
     return CurvatureLaw(lambda x: 1.0 / radius(span.t(x)), tuple(places), description)
-
-
-def constant(radius_mm: float) -> CurvatureLaw:
-    """κ = 1/R; R = inf is flat."""
-    return CurvatureLaw(lambda x: np.full(np.shape(x), 1.0 / radius_mm), (), "constant law")
-
-
-def linear(right_mm: float, left_mm: float, span: Span) -> CurvatureLaw:
-    """R = right + (left − right)·t."""
-    breaks = {} if right_mm == left_mm else {0.0: 0, 1.0: 0}
-    return _over_t(lambda t: right_mm + (left_mm - right_mm) * t, span, breaks, "linear law")
-
-
-def power(right_mm: float, left_mm: float, exponent: float, span: Span) -> CurvatureLaw:
-    """R = right + (left − right)·t^exponent."""
-    at_zero = int(np.ceil(exponent)) - 1  # t^n with t held at 0 beyond has ⌈n⌉ − 1 continuous derivatives at 0
-    breaks = {} if right_mm == left_mm else {0.0: at_zero, 1.0: 0}
-    return _over_t(lambda t: right_mm + (left_mm - right_mm) * t**exponent, span, breaks, "power law")
-
-
-def zones(right_mm: float, left_mm: float, blend_from: float, blend_to: float, blend: str, span: Span) -> CurvatureLaw:
-    """R = right up to blend_from, left from blend_to on; between them right + (left − right)·b(u).
-
-    u = (t − blend_from)/(blend_to − blend_from); b = u (linear) or u²(3 − 2u) (smooth).
-    """
-
-    def radius(t: Array) -> Array:
-        u = np.clip((t - blend_from) / (blend_to - blend_from), 0.0, 1.0)
-        return right_mm + (left_mm - right_mm) * (u if blend == "linear" else u * u * (3.0 - 2.0 * u))
-
-    smoothness = 0 if blend == "linear" else 1
-    breaks = {} if right_mm == left_mm else {blend_from: smoothness, blend_to: smoothness}
-    return _over_t(radius, span, breaks, "zones law")
-
-
-def table(x_mm: ArrayLike, curvature_per_mm: ArrayLike) -> CurvatureLaw:
-    """The cubic C² spline (not-a-knot) through (x, κ), held at its end values beyond the table.
-
-    x_mm : (n,) rising, n ≥ 2; with two rows the law is linear in κ, with three a parabola.
-    Source: C. de Boor, A Practical Guide to Splines, chapter IV.
-    """
-    x = np.asarray(x_mm, dtype=np.float64)
-    kappa = np.asarray(curvature_per_mm, dtype=np.float64)
-    spline = CubicSpline(x, kappa)
-    # Inner nodes: the third derivative jumps. Ends: the law is held, so its slope jumps.
-    inner = tuple(Break(float(at), 2) for at in x[1:-1])
-    breaks = (Break(float(x[0]), 0), *inner, Break(float(x[-1]), 0))
-    return CurvatureLaw(lambda at: spline(np.clip(at, x[0], x[-1])), breaks, "table law")
-
-
-def expression(formula: str, span: Span, of: str) -> CurvatureLaw:
-    """κ or R (mm) as a formula in t and x; `of` is "curvature" or "radius"."""
-    parsed = parse_formula(formula)
-
-    def kappa(x: Array) -> Array:
-        value = parsed(span.t(x), x)
-        if of == "curvature":
-            return value
-        with np.errstate(divide="ignore"):
-            return 1.0 / value
-
-    # t is held beyond the span: a kink there unless the formula happens to be level.
-    return CurvatureLaw(kappa, (Break(span.left_mm, 0), Break(span.right_mm, 0)), f"expression law {formula!r}")
 
 
 def smooth_extrapolation(law: CurvatureLaw, x_min: float, x_max: float, largest: float) -> CurvatureLaw:

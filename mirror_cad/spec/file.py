@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mirror_cad.errors import SpecError
-from mirror_cad.spec import MirrorSpec
-from mirror_cad.spec_messages import sentence, too_large
+from mirror_cad.spec.messages import faults
+from mirror_cad.spec.schema import MirrorSpec
 
 Root = TypeVar("Root", bound=BaseModel)
 
@@ -71,11 +71,8 @@ def validated(model: type[Root], raw: dict[str, Any], source: str, folder: Path)
     """Nested dictionaries as a root model has them. Raises: SpecError with a sentence for every fault."""
     try:
         return model.model_validate(raw, context={"folder": folder})
-    except ValidationError as error:
-        details = error.errors(include_url=False)
-        raise SpecError([f"{source}: {sentence(detail, raw, model)}" for detail in details]) from None
-    except OverflowError:
-        raise SpecError(f"{source}: {too_large(raw)}") from None
+    except (ValidationError, OverflowError) as error:
+        raise SpecError(faults(error, raw, model, source)) from None
 
 
 def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:

@@ -6,11 +6,11 @@ import difflib
 import unicodedata
 from typing import Any, get_args
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
-from mirror_cad.spec_laws import AnyHorizontal, AnyLaw
+from mirror_cad.laws import Law, registered
+from mirror_cad.limits import limit_units
 
-_LAW_UNIONS = {"horizontal": AnyHorizontal, "vertical": AnyLaw}
 _PLAIN_TYPES = {
     "float_type": "must be a number", "int_type": "must be a whole number", "string_type": "must be text",
     "int_from_float": "must be a whole number", "finite_number": "must be finite", "tuple_type": "must be a list",
@@ -25,8 +25,24 @@ LARGEST_WHOLE = 2**63  # what TOML promises to hold
 _UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
 
+def faults(error: ValidationError | OverflowError, raw: dict[str, Any], root: type[BaseModel], source: str) -> list[str]:
+    """Say what a validation found wrong, a sentence for every fault.
+
+    Parameters
+    ----------
+    error : ValidationError or OverflowError
+    raw : dict
+        What was validated, by `root`.
+    source : str
+        What the sentences begin with: a file's name.
+    """
+    if isinstance(error, OverflowError):
+        return [f"{source}: {too_large(raw)}"]
+    return [f"{source}: {sentence(detail, raw, root)}" for detail in error.errors(include_url=False)]
+
+
 def too_large(raw: Any, key: str = "") -> str:
-    """A sentence for the first whole number beyond what TOML holds, on some of which a validation breaks down; "" for none."""
+    """Name the first whole number beyond what TOML holds, on some of which a validation breaks down; "" for none."""
     if isinstance(raw, dict | list | tuple):
         items = raw.items() if isinstance(raw, dict) else enumerate(raw)
         return next((found for name, value in items if (found := too_large(value, f"{key}.{name}" if key else str(name)))), "")
@@ -46,8 +62,7 @@ def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
 
 
 def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
-    keys = [key for i, key in enumerate(detail["loc"]) if not (i == 1 and detail["loc"][0] in _LAW_UNIONS
-                                                               and key in _law_models(detail["loc"][0]))]
+    keys = list(detail["loc"])
     where = ".".join(str(key) for key in keys)
     kind, context = detail["type"], detail.get("ctx", {})
     value = detail["input"]
@@ -55,13 +70,12 @@ def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
     if kind == "extra_forbidden":
         return f"{where}: {_unknown_key(keys, raw, root)}"
     if kind == "missing":
-        return f"{where}: this key is required{_with_law(keys, raw)}"
+        return f"{where}: this key is required{_with_law(keys, raw, root)}"
     if kind == "union_tag_not_found":
-        return f"{where}.law: this key is required: one of {', '.join(_law_models(keys[0]))}"
+        return f"{where}.law: this key is required: one of {', '.join(registered())}"
     if kind == "union_tag_invalid":
-        law = context["tag"]
-        laws = _law_models(keys[0])
-        return f"{where}.law = {_short(law)}: must be one of {', '.join(laws)}{_nearest(law, laws)}"
+        law = value["law"]
+        return f"{where}.law = {_short(law)}: must be one of {', '.join(registered())}{_nearest(law, registered())}"
     if kind == "literal_error":
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
         return f"{shown}: must be one of {context['expected']}{_nearest(value, words)}"
@@ -80,18 +94,23 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "…"
 
 
-def _law_models(section: Any) -> dict[str, type[BaseModel]]:
-    union = get_args(get_args(_LAW_UNIONS[str(section)])[0])
-    return {get_args(model.model_fields["law"].annotation)[0]: model for model in union}
+def _is_law(key: Any, root: type[BaseModel]) -> bool:
+    """Whether a key of the root is a section that names its law."""
+    return key in root.model_fields and root.model_fields[key].annotation is Law
+
+
+def _law_of(section: Any) -> Any:
+    """The name of the law that a section's keys, or a law made in Python, have."""
+    return section.law if isinstance(section, Law) else section.get("law") if isinstance(section, dict) else None
 
 
 def _model_at(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> type[BaseModel] | None:
     """The model that holds the last of `keys`."""
     model = root
     for key in keys[:-1]:
-        if key in _LAW_UNIONS and model is root:
-            law = raw[key].get("law") if isinstance(raw.get(key), dict) else None
-            found = _law_models(key).get(law) if isinstance(law, str) else None
+        if model is root and _is_law(key, root):
+            law = _law_of(raw.get(key))
+            found = registered().get(law) if isinstance(law, str) else None
             if found is None:
                 return None
             model = found
@@ -119,19 +138,21 @@ def _range(keys: list[Any], raw: dict[str, Any], context: dict[str, Any], root: 
 def _unknown_key(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> str:
     model, key = _model_at([key for key in keys[:-1] if not isinstance(key, int)] + keys[-1:], raw, root), str(keys[-1])
     own = list(model.model_fields) if model else []
-    if keys[0] in _LAW_UNIONS and len(keys) == 2:
-        owners = [law for law, other in _law_models(keys[0]).items() if key in other.model_fields]
-        if key == "file":
-            owners = ["table"]
+    if _is_law(keys[0], root) and len(keys) == 2:
+        if key in own:
+            return "this key belongs to [horizontal]: the vertical law runs over the same t"
+        owners = [law for law, other in registered().items() if key in other.model_fields]
         if owners:
-            return f"this key belongs to law = {' or '.join(repr(law) for law in owners)}{_with_law(keys, raw)}"
-    return f"unknown key{_nearest(key, own)}"
+            return f"this key belongs to law = {' or '.join(repr(law) for law in owners)}{_with_law(keys, raw, root)}"
+        if keys[0] == "vertical":
+            own = [name for name in own if name not in Law.horizontal_only]
+    return f"unknown key{_nearest(key, [*own, *limit_units()] if keys[0] == 'limits' else own)}"
 
 
-def _with_law(keys: list[Any], raw: dict[str, Any]) -> str:
-    if keys[0] not in _LAW_UNIONS or len(keys) < 2:
+def _with_law(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> str:
+    if len(keys) < 2 or not _is_law(keys[0], root):
         return ""
-    return f" (the law here is {raw[keys[0]].get('law')!r})"
+    return f" (the law here is {_law_of(raw[keys[0]])!r})"
 
 
 def _nearest(word: Any, names: Any) -> str:

@@ -1,4 +1,4 @@
-"""The spec's two laws in, curvature laws over x out, with the one shape parameter solved that `match` leaves open."""
+"""Solve the one number of a law that "match" leaves open, for a section field of view."""
 
 from __future__ import annotations
 
@@ -9,22 +9,12 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
-from mirror_cad import curvature
-from mirror_cad.curvature import CurvatureLaw, Span
 from mirror_cad.errors import SpecError
-from mirror_cad.profile import circle_section_fov, rough_section_fov, section_fov_of_sine, sine_of_tangent_angle
-from mirror_cad.spec_laws import (
-    AnyHorizontal,
-    ConstantLaw,
-    ExpressionLaw,
-    HorizontalPower,
-    HorizontalZones,
-    LinearLaw,
-    PowerLaw,
-    TableLaw,
-    ZonesLaw,
-)
-from mirror_cad.spec_section import Section
+from mirror_cad.laws.base import Law
+from mirror_cad.laws.curvature import Span
+from mirror_cad.laws.matched import Matched
+from mirror_cad.profile import sine_of_tangent_angle
+from mirror_cad.section_fov import circle_section_fov, rough_section_fov, section_fov_of_sine
 
 # The parameter is solved until the field of view is right to about 1e-10 degrees, far below any tolerance on it.
 MATCH_PRECISION = 1e-12
@@ -35,36 +25,33 @@ ROUGH_ROOT = 1e-4  # of the parameter: secant steps go on from there
 SECANT_STEPS = 12  # three or four serve
 
 
-def law_from(section: Section, span: Span, parameter: float | None = None) -> CurvatureLaw:
-    """The curvature law of [horizontal] or [vertical]; `parameter` stands in for a "match"."""
-    match section:
-        case ConstantLaw():
-            return curvature.constant(section.radius_mm)
-        case LinearLaw():
-            return curvature.linear(section.right_mm, section.left_mm, span)
-        case PowerLaw():
-            exponent = section.exponent if parameter is None else parameter
-            return curvature.power(section.right_mm, section.left_mm, exponent, span)
-        case ZonesLaw():
-            start = section.blend_from if parameter is None else parameter
-            return curvature.zones(section.right_mm, section.left_mm, start, section.blend_to, section.blend, span)
-        case TableLaw():
-            return curvature.table(section.x_mm, section.curvature)
-        case ExpressionLaw():
-            formula, of = section.formula
-            return curvature.expression(formula, span, of)
-    raise AssertionError(f"unknown law {section!r}")
-
-
-def solve_match(section: AnyHorizontal, eye_distance_mm: float, span: Span, x_min: float, x_max: float, level_mm: float,
+def solve_match(law: Law, eye_distance_mm: float, span: Span, x_min: float, x_max: float, level_mm: float,
                 ) -> tuple[str, float] | None:
-    """The key that is "match" in [horizontal] and the value that gives the asked section H-FOV; None without one.
+    """Solve the open number of a horizontal law so that its section H-FOV is the asked one.
 
-    Raises: SpecError with the range that can be reached where the asked value lies outside it.
+    Parameters
+    ----------
+    law : Law
+    eye_distance_mm : float
+        From the mirror's centre, on the axis of the section.
+    span : Span
+        Where t is 0 and 1.
+    x_min, x_max, level_mm : float
+        The mirror's edges, and where its profile is level, mm.
+
+    Returns
+    -------
+    tuple or None
+        The key and its value; None for a law in which nothing is open.
+
+    Raises
+    ------
+    SpecError
+        With the range that can be reached where the asked value lies outside it.
     """
-    if not isinstance(section, HorizontalPower | HorizontalZones) or section.match is None:
+    if not isinstance(law, Matched) or law.match is None:
         return None
-    match = section.match
+    match = law.match
     half, distance = 0.5 * (x_max - x_min), eye_distance_mm
     if match.sphere_mm is not None:
         if match.sphere_mm <= half:
@@ -73,21 +60,18 @@ def solve_match(section: AnyHorizontal, eye_distance_mm: float, span: Span, x_mi
         wanted = circle_section_fov(1.0 / match.sphere_mm, half, distance)
     else:
         wanted = np.radians(match.h_fov_deg or 0.0)
-    if isinstance(section, HorizontalPower):
-        key, values = "exponent", np.geomspace(0.02, 50.0, 17).tolist()
-    else:
-        key, values = "blend_from", np.linspace(0.0, section.blend_to - 1e-3, 17).tolist()
+    key, values = law.open_key, law.candidates().tolist()
 
     @cache
     def miss(value: float) -> float:
-        kappa = law_from(section, span, value).series(x_min, x_max)
+        kappa = law.with_parameter(value).over(span).series(x_min, x_max)
         return section_fov_of_sine(sine_of_tangent_angle(kappa, level_mm), x_min, x_max, distance) - wanted
 
     x = np.linspace(x_min, x_max, ROUGH_PLACES)
 
     @cache
     def roughly(value: float) -> float:
-        return rough_section_fov(x, law_from(section, span, value).function(x), level_mm, distance) - wanted
+        return rough_section_fov(x, law.with_parameter(value).over(span).function(x), level_mm, distance) - wanted
 
     for low, high in itertools.pairwise(values):
         sure = min(abs(roughly(low)), abs(roughly(high))) > ROUGH
@@ -102,8 +86,8 @@ def solve_match(section: AnyHorizontal, eye_distance_mm: float, span: Span, x_mi
             return key, float(brentq(miss, values[i], values[i + 1], xtol=MATCH_PRECISION, rtol=1e-14))
     reached = np.degrees(misses[np.isfinite(misses)] + wanted)
     between = f"{reached.min():.2f}° to {reached.max():.2f}°" if reached.size else "no field of view at all"
-    raise SpecError(f"horizontal.match: no {key} gives a section H-FOV of {np.degrees(wanted):.2f}°; this law with "
-                    f"right_mm = {section.right_mm:g} and left_mm = {section.left_mm:g} reaches {between}")
+    raise SpecError(f"horizontal.match: no {key} gives a section H-FOV of {np.degrees(wanted):.2f}°; this law "
+                    f"({law.in_words()}) reaches {between}")
 
 
 def _root(miss: Callable[[float], float], roughly: Callable[[float], float], low: float, high: float) -> float | None:
