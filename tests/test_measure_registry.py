@@ -94,5 +94,6 @@ h_fov_traced_deg = [44.0, 44.5]
 """
     assert run(["build", str(spec_file(text)), "--out", str(tmp_path / "ball")]) == 3
     assert "horizontal field of view, traced: 44.64" in capsys.readouterr().err
-    assert run(["build", str(spec_file(text.replace("h_fov_traced_deg", "h_fov_trace_deg"))), "--out", str(tmp_path / "b")]) == 2
+    wrong = spec_file(text.replace("h_fov_traced_deg", "h_fov_trace_deg"))
+    assert run(["build", str(wrong), "--out", str(tmp_path / "b")]) == 2
     assert "did you mean 'h_fov_traced_deg'" in capsys.readouterr().err
