@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic.functional_validators import PlainValidator
 
+from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
 from mirror_cad.spec_laws import AnyHorizontal, AnyLaw
 from mirror_cad.spec_section import Coordinate, Length, Number, Section
 
@@ -23,20 +24,34 @@ class Blank(Section):
 
 
 class OutlineSpec(Section):
-    """A quadrilateral with tangent corner arcs, or a closed curve from a DXF or SVG file."""
+    """A quadrilateral with tangent corner arcs, or a closed curve from a DXF or SVG file.
+
+    layer, join_mm, loop : how the file is read, as `mirror_cad.outline.options.FileOptions` has it.
+    """
 
     width_mm: Length = 230.0
     left_height_mm: Length = 270.0
     right_height_mm: Length = 340.0
     corner_radius_mm: Annotated[Number, Field(ge=0, le=1e5)] = 40.0
     file: str | None = None
+    layer: Annotated[str, Field(min_length=1, max_length=255)] | None = None
+    join_mm: Annotated[Number, Field(ge=FILE_JOIN_TOLERANCE_MM, le=LARGEST_JOIN_MM)] | None = None
+    loop: Literal["only", "outermost"] | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> OutlineSpec:
-        others = sorted(self.model_fields_set - {"file"})
+        of_file = {"layer", "join_mm", "loop"}
+        if self.file is None and (stray := sorted(self.model_fields_set & of_file)):
+            raise ValueError(f"{', '.join(stray)} say how an outline file is read: give file too")
+        others = sorted(self.model_fields_set - of_file - {"file"})
         if self.file is not None and others:
             raise ValueError(f"file and {', '.join(others)} cannot both be given: the file alone says the outline")
         return self
+
+    @property
+    def file_options(self) -> FileOptions:
+        """How the file is read."""
+        return FileOptions(self.layer, self.join_mm or AS_DRAWN.join_mm, self.loop or AS_DRAWN.loop)
 
 
 class Glass(Section):

@@ -1,0 +1,55 @@
+"""A reflector and an eye in, the traced horizontal field of view between its two edges out, for whatever reflects."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import TraceError
+from raytrace.measures.field_of_view import GlassSheets, angle_between, traced_fields_of_view
+from raytrace.reflector import Reflector
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import Box, View
+from raytrace.visibility.edge import edge_of
+
+Array = NDArray[np.float64]
+
+
+def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | None:
+    """Compute the traced horizontal field of view of any reflector, with the eye where it really sits.
+
+    Of one sheet z(x, y), with or without glass before it, it is the angle between the rays reflected at the box's edges,
+    (x_min, 0) and (x_max, 0), as `traced_fields_of_view` has it for a designed mirror. Of whatever else reflects, the angle
+    between the rays at the outermost two places at which the row y = 0 crosses the edge of what the eye sees reflecting;
+    these are roots along that edge (`raytrace.visibility.edge`), not samples of the row.
+
+    Parameters
+    ----------
+    reflector : in mirror coordinates, mm.
+    eye : (3,) float64, mm, in the same coordinates.
+    box : (x_min, x_max, y_min, y_max), mm, of what reflects.
+
+    Returns
+    -------
+    The angle in radians; None where the eye sees nothing reflecting on that row.
+    """
+    only, sheets = reflector.only, GlassSheets.before(reflector)
+    if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
+        y_min, y_max = only.surface.domain[2:]
+        if not y_min <= 0.0 <= y_max:
+            return None
+        traced, _ = traced_fields_of_view(sheets or only.surface, eye, box, min(y_max, -y_min))
+        return traced if np.isfinite(traced) else None
+    straight = Pose(np.zeros(3), np.zeros(3))
+    try:
+        view = View(reflector, straight, straight.to_vehicle(eye))
+    except TraceError:  # an eye that the mirror does not face sees nothing in it
+        return None
+    edge = edge_of(view)
+    if len(edge.places) == 0:
+        return None
+    _, _, sight = edge.crossings(lambda points, _: straight.to_mirror(points)[:, 1])
+    if len(sight.points) < 2:
+        return None
+    x = sight.on_mirror[:, 0]
+    return angle_between(sight.directions[np.argmin(x)], sight.directions[np.argmax(x)])
