@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
     if not _set_up("requirements-test.lock" if testing else "requirements.lock"):
         return 1
     if not testing:
-        return subprocess.call([PYTHON, "-m", "mirror_studio", *arguments])
+        return _call([PYTHON, "-m", "mirror_studio", *arguments])
     return _test(arguments[1:])
 
 
@@ -83,6 +83,16 @@ def _test(arguments: list[str]) -> int:
         print(f"→ {' '.join(str(part) for part in step[2:])}", file=sys.stderr, flush=True)
         codes.append(subprocess.call(step, cwd=HOME))
     return next((code for code in codes if code), 0)
+
+
+def _call(command: list[str | Path]) -> int:
+    """Run a program to its end; an interrupt from the keyboard is the program's own affair."""
+    with subprocess.Popen(command) as child:
+        while True:
+            try:
+                return child.wait()
+            except KeyboardInterrupt:
+                continue
 
 
 def _stop(message: str) -> int:

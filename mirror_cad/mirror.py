@@ -220,7 +220,7 @@ def design(spec: MirrorSpec) -> Mirror:
 
     Raises: SpecError, ProfileError, OutlineError or SurfaceError for a mirror that cannot be.
     """
-    outline = _outline(spec)
+    outline, read_notes = _outline(spec)
     box = outline.bounding_box()
     x_min, x_max, y_min, y_max = box
     level_mm = _level(spec, box)
@@ -232,7 +232,7 @@ def design(spec: MirrorSpec) -> Mirror:
     check_profile(sine_of_tangent_angle(_series(horizontal, min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
     vertical = _eased(vertical, x_min, x_max, 1.0 / half_height)
-    wanted, notes = _wanted_domain(spec, box), _remarks(spec, box)
+    wanted, notes = _wanted_domain(spec, box), [*read_notes, *_remarks(spec, box)]
     check_circles(_series(vertical, wanted[0], wanted[1]), x_min, x_max, half_height)
 
     kappa = _series(horizontal, wanted[0], wanted[1])
@@ -289,23 +289,27 @@ def _law(law: Law, span: Span) -> CurvatureLaw:
     return law.over(span)
 
 
-def _outline(spec: MirrorSpec) -> Outline:
+def _outline(spec: MirrorSpec) -> tuple[Outline, list[str]]:
+    """The outline, and what a user should know of the file that it was read from."""
     given, blank = spec.outline, spec.blank
     if given.file is None:
-        return _truck_outline(given.width_mm, given.left_height_mm, given.right_height_mm, given.corner_radius_mm)
-    from mirror_cad.outline_files import read_outline
+        return _truck_outline(given.width_mm, given.left_height_mm, given.right_height_mm, given.corner_radius_mm), []
+    from mirror_cad.outline.files import open_outline
 
-    outline = read_outline(Path(given.file))
+    read = open_outline(Path(given.file), given.file_options)
+    outline = read.outline
     x_min, x_max, y_min, y_max = outline.bounding_box()
     half_width, half_height = blank.width_mm / 2, blank.height_mm / 2
+    reach, faults = f"x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm", []
     if x_min < -half_width or x_max > half_width or y_min < -half_height or y_max > half_height:
-        raise OutlineError(f"{given.file}: the outline reaches x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, "
-                           f"beyond the blank of {blank.width_mm:g} × {blank.height_mm:g} mm about the origin: move it, "
-                           "check its unit, or enlarge [blank]")
-    if not (x_min < 0 < x_max and y_min < 0 < y_max):
-        raise OutlineError(f"{given.file}: the outline, x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f} mm, does "
-                           "not hold the origin, which is the centre of the mirror: an outline file is in mirror coordinates")
-    return outline
+        faults.append(f"{given.file}: the outline reaches {reach}, beyond the blank of {blank.width_mm:g} × "
+                      f"{blank.height_mm:g} mm about the origin: move it, check its unit, or enlarge [blank]")
+    elif not (x_min < 0 < x_max and y_min < 0 < y_max):
+        faults.append(f"{given.file}: the outline, {reach}, does not hold the origin, which is the centre of the mirror: an "
+                      "outline file is in mirror coordinates")
+    if faults:  # with what else is to be known of the file, which may be the cause
+        raise OutlineError("\n".join([*faults, *read.notes]))
+    return outline, list(read.notes)
 
 
 def _level(spec: MirrorSpec, box: Box) -> float:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
+
+from mirror_studio import interrupt
 
 DONE, FAILED, BAD_INPUT, MISSED = 0, 1, 2, 3
 
@@ -216,8 +217,6 @@ def studio(*, port: int = 8642, browser: bool = True) -> int:
     browser
         Whether to open the page, where there is a screen.
     """
-    # Matrices of a few dozen rows: a second thread costs more than it brings, and the tracer wants both cores.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from mirror_studio.web.server import BadPortError, serve
     except ModuleNotFoundError as error:
@@ -246,9 +245,16 @@ def main(arguments: list[str] | None = None) -> None:
     for name in ("stdout", "stderr"):  # closed by whoever started us: then nobody reads
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    # Sums that threads share are rounded by how many there are, and figures are to be the same on every machine. Matrices are
+    # of a few hundred rows at most: a second thread brings little, and the tracer wants the cores.
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     # A polite end is an interrupt: what was begun is cleared away.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(run(arguments))
+    interrupt.install()
+    code = run(arguments)
+    if interrupt.asked():
+        interrupt.leave(code)
+    sys.exit(code)
 
 
 def run(arguments: list[str] | None = None) -> int:
@@ -263,13 +269,19 @@ def run(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
-        print("mirror-cad: stopped; nothing was changed", file=sys.stderr)
-        return FAILED
+        return _stopped()
     except ImportError as error:
+        if interrupt.asked():
+            return _stopped()
         print(f"mirror-cad: a part of the installation cannot be loaded: {error}", file=sys.stderr)
         return FAILED
     except Exception as error:
-        return _report(error)
+        return _stopped() if interrupt.asked() else _report(error)
+
+
+def _stopped() -> int:
+    print(interrupt.STOPPED, file=sys.stderr)
+    return FAILED
 
 
 def _report(error: Exception) -> int:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 import time
 
+from mirror_studio import interrupt
+
 
 class Progress:
     """One line a step with its time; on a terminal the share of a long step is shown while it runs."""
@@ -15,7 +17,8 @@ class Progress:
         self._live = sys.stderr.isatty()
 
     def step(self, text: str) -> None:
-        """A step has begun."""
+        """A step has begun. Raises: KeyboardInterrupt that the step before swallowed."""
+        interrupt.check()
         if not self._quiet:
             print(f"\r[{time.perf_counter() - self._start:6.1f} s] {text}", file=sys.stderr, flush=True)
 

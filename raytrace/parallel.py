@@ -11,7 +11,17 @@ RUN = 16_384  # rays at most: some milliseconds of work, whose rays and results 
 MIN_RUN = 2_048  # rays that are worth another thread: some 0.2 ms of work against 0.05 ms to hand them over
 THREADS = len(os.sched_getaffinity(0))
 PREFIX = "rays"
+# Runs in all are a multiple of this: they are the same on every number of cores, since the kernels round by how rays are
+# divided among blocks, and as many for each of 1, 2, 4 and 8 cores.
+SHARES = 8
+ALIGNED = 64  # rays: whole blocks of the kernels
 _pools: list[ThreadPoolExecutor] = []  # none or one
+
+
+def run_size(n: int, run: int = RUN) -> int:
+    """Rays of a run for n of them: it depends on n and `run` alone, so that results are the same on any number of cores."""
+    shares = SHARES * max(1, -(-n // (SHARES * run)))
+    return min(run, max(MIN_RUN, ALIGNED * -(-n // (ALIGNED * shares))))
 
 
 def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done: Callable[[int], None] | None = None) -> None:
@@ -21,11 +31,9 @@ def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done:
     after the runs that have begun: those that have not are dropped.
     """
     inside = threading.current_thread().name.startswith(PREFIX)
-    cores = 1 if inside else THREADS
-    rounds = max(1, -(-n // (cores * run)))  # as many runs for each core
-    size = min(run, max(MIN_RUN, -(-n // (cores * rounds))))
+    size = run_size(n, run)
     starts = range(0, n, size)
-    if len(starts) <= 1 or inside:
+    if len(starts) <= 1 or inside or THREADS == 1:
         for start in starts:
             work(start, min(start + size, n))
             if done is not None:

@@ -58,6 +58,11 @@ def settled(page: Page) -> None:
     page.wait_for_function("document.body.dataset.due === 'no'", timeout=SOON)
 
 
+def address_comes_to(page: Page, text: str, hold: bool = True) -> None:
+    """The page's address comes to hold a text, or to hold it no more: it is written once a change has rested."""
+    page.wait_for_function("([text, hold]) => location.hash.includes(text) === hold", arg=[text, hold], timeout=SOON)
+
+
 def becomes(page: Page, name: str, value: float) -> None:
     """The control of a key comes to show a value."""
     page.wait_for_function("([name, value]) => document.querySelector(`input[name=\"${name}\"]`)?.valueAsNumber === value",

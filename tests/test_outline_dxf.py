@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mirror_cad.errors import OutlineError, WriteError
 from mirror_cad.outline import Arc, Line, Spline, closed_outline, truck_outline
-from mirror_cad.outline_files import read_outline, write_dxf
+from mirror_cad.outline.files import read_outline, write_dxf
 from tests.outline_helpers import SEGMENTS, WEIGHTS, assert_same_outline, dxf, examples, loop, trucks, wavy_spline
 
 
@@ -297,21 +297,9 @@ def spline_with_fit_points(space):
     space.add_spline([(0, 0), (10, 10), (20, 0)])
 
 
-def hatch(space):
-    square(space)
-    space.add_hatch().paths.add_polyline_path([(0, 0), (1, 0), (1, 1)])
-
-
-def insert(space):
-    space.doc.blocks.new("B")
-    space.add_blockref("B", (0, 0))
-
-
 @pytest.mark.parametrize(
     ("draw", "said"),
     [
-        (hatch, "HATCH with handle .* not supported"),
-        (insert, "INSERT with handle .* not supported"),
         (spline_with_fit_points, "SPLINE with handle .* no poles"),
         (lambda space: space.add_3dface([(0, 0), (9, 0), (9, 9)]), "3DFACE with handle .* not supported"),
         (lambda space: space.add_polyface(), "POLYLINE with handle .* meshes"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mirror_cad.errors import OutlineError
 from mirror_cad.outline import truck_outline
-from mirror_cad.outline_files import read_outline, write_dxf
+from mirror_cad.outline.files import read_outline, write_dxf
 from tests.outline_helpers import svg
 
 GARBAGE = [

@@ -112,7 +112,7 @@ def test_a_segment_that_is_not_one_is_refused(make, said):
 
 
 def test_a_spline_is_not_broken_into_more_edges_than_the_limit(monkeypatch):
-    monkeypatch.setattr("mirror_cad.outline_spline.MAXIMUM_EDGES", 1000)
+    monkeypatch.setattr("mirror_cad.outline.spline.MAXIMUM_EDGES", 1000)
     assert len(wavy_spline().samples(1e-2)) < 1000
     with pytest.raises(OutlineError, match="more than 1000 edges"):
         wavy_spline().samples(1e-8)

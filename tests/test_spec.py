@@ -136,7 +136,7 @@ def test_outlines_from_dxf_and_svg_are_cut_as_drawn(tmp_path: Path, spec_file: C
     assert mirror.box == pytest.approx((-85.0, 95.0, -50.0, 70.0), abs=1e-9)  # y turned up, not recentred
     assert mirror.plate.area_mm2 == pytest.approx(np.pi * 90 * 60, rel=1e-6)
     assert mirror.plate.volume_mm3 == pytest.approx(3.0 * np.pi * 90 * 60, rel=1e-6)
-    from mirror_cad.outline_files import write_dxf
+    from mirror_cad.outline.files import write_dxf
 
     write_dxf(mirror.outline, tmp_path / "outline.dxf")
     again = mirror_cad.design(mirror_cad.load_spec(spec_file(head + '[outline]\nfile = "outline.dxf"\n')))

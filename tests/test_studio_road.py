@@ -38,7 +38,18 @@ from mirror_studio.web.uploads import Uploads
 from raytrace.measures.blind_zone import blind_zone
 from raytrace.measures.ground import nearest_at_flank, seen_widths
 from raytrace.reflector import Reflector
-from tests.studio_page import CHROMIUM, SOON, becomes, chromium, figure, opened, revision, revision_after, settled
+from tests.studio_page import (
+    CHROMIUM,
+    SOON,
+    address_comes_to,
+    becomes,
+    chromium,
+    figure,
+    opened,
+    revision,
+    revision_after,
+    settled,
+)
 from tests.studio_server import Studio, running
 
 SMALL = {"view": "road", "width": 160, "height": 180}
@@ -224,6 +235,7 @@ def test_every_key_of_a_specification_is_among_the_controls() -> None:
     others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm", "file")}
     others |= {"outline.file"}
     others |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
+    others |= {f"outline.{key}" for key in ("layer", "join_mm", "loop")}  # how the file is read: its TOML's
     others |= {f"limits.{key}" for key in ("h_fov_deg", "v_fov_left_deg", "lane_straightness_percent")}
     found = set(keys_of(MirrorSpec))
     assert {"part.number", "part.hand", "horizontal.match.sphere_mm", "scene.lane.slope"} <= found
@@ -345,7 +357,7 @@ def test_the_switch_shows_the_road_by_mouse_and_by_key_and_back(page: Page) -> N
     expect(page.locator("#view-picture")).to_have_attribute("aria-pressed", "true")
     expect(page.get_by_test_id("width-20")).to_be_hidden()
     expect(page.get_by_test_id("straightness")).to_have_text("40.91")
-    assert "look.view" not in page.url
+    address_comes_to(page, "look.view", hold=False)
     page.click("#undo")
     expect(page.locator("#view-road")).to_have_attribute("aria-pressed", "true")
 
@@ -372,7 +384,7 @@ def test_a_slider_gives_drafts_and_a_rest_the_fine_picture(page: Page) -> None:
     revision_after(page, before)
     settled(page)
     expect(page.get_by_test_id("draft")).to_be_hidden()
-    assert "look.flank_share=0.18" in page.url
+    address_comes_to(page, "look.flank_share=0.18")
     assert figure(page, "width-20") < width  # more of the own flank, less of the road
     expect(page.locator("#figures tr.pinned td >> nth=12")).to_have_text(f"{width:.2f}")
     page.keyboard.press("Control+z")
@@ -433,6 +445,7 @@ def test_every_key_has_its_input_in_the_page(page: Page) -> None:
     """By the key's name, or for a pair by its parts'; matched laws' and tables' keys have inputs once they are there."""
     names = set(page.evaluate("() => [...document.querySelectorAll('[name]')].map((element) => element.name)"))
     others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm")} | {"outline.file"}
+    others |= {f"outline.{key}" for key in ("layer", "join_mm", "loop")}
     missing = {key for key in keys_of(MirrorSpec) if key not in names and f"{key}.0" not in names} - others
     assert missing == set()
     page.locator('details:has(> summary:text-is("Part")) > summary').click()

@@ -76,7 +76,8 @@ def validated(model: type[Root], raw: dict[str, Any], source: str, folder: Path)
 
 
 def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
-    """A specification as JSON holds it: without what was left out, and with an infinite radius as the text "inf"."""
+    """A specification as JSON holds it, which is one again: without what was left out, with an infinite radius as the text
+    "inf", and of an outline from a file without the sizes that it replaces."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
@@ -86,6 +87,9 @@ def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
         return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
     content: dict[str, Any] = plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
+    if spec.outline.file is not None:
+        given = spec.outline.model_fields_set
+        content["outline"] = {key: value for key, value in content["outline"].items() if key in given}
     return content
 
 

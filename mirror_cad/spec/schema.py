@@ -25,6 +25,7 @@ from pydantic_core import InitErrorDetails
 from mirror_cad.keys import ELSEWHERE, AsTuple, Coordinate, Length, Number, Section, Shown
 from mirror_cad.laws import Law
 from mirror_cad.limits import limit_units
+from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
 from mirror_cad.spec.law_section import horizontal_law, vertical_law
 
 # Characters of a part's number or revision, and of its title: what a line of the report's head holds.
@@ -42,20 +43,34 @@ class Blank(Section):
 
 
 class OutlineSpec(Section):
-    """A quadrilateral with tangent corner arcs, or a closed curve from a DXF or SVG file."""
+    """A quadrilateral with tangent corner arcs, or a closed curve from a DXF or SVG file.
+
+    layer, join_mm, loop : how the file is read, as `mirror_cad.outline.options.FileOptions` has it.
+    """
 
     width_mm: Annotated[Length, _size("Width", 20.0, 600.0)] = 230.0
     left_height_mm: Annotated[Length, _size("Height, left", 20.0, 600.0)] = 270.0
     right_height_mm: Annotated[Length, _size("Height, right", 20.0, 600.0)] = 340.0
     corner_radius_mm: Annotated[Number, Field(ge=0, le=1e5), _size("Corner radius", 0.0, 150.0)] = 40.0
     file: Annotated[str | None, ELSEWHERE] = None
+    layer: Annotated[Annotated[str, Field(min_length=1, max_length=255)] | None, ELSEWHERE] = None
+    join_mm: Annotated[Annotated[Number, Field(ge=FILE_JOIN_TOLERANCE_MM, le=LARGEST_JOIN_MM)] | None, ELSEWHERE] = None
+    loop: Annotated[Literal["only", "outermost"] | None, ELSEWHERE] = None
 
     @model_validator(mode="after")
     def _one_source(self) -> OutlineSpec:
-        others = sorted(self.model_fields_set - {"file"})
+        of_file = {"layer", "join_mm", "loop"}
+        if self.file is None and (stray := sorted(self.model_fields_set & of_file)):
+            raise ValueError(f"{', '.join(stray)} say how an outline file is read: give file too")
+        others = sorted(self.model_fields_set - of_file - {"file"})
         if self.file is not None and others:
             raise ValueError(f"file and {', '.join(others)} cannot both be given: the file alone says the outline")
         return self
+
+    @property
+    def file_options(self) -> FileOptions:
+        """How the file is read."""
+        return FileOptions(self.layer, self.join_mm or AS_DRAWN.join_mm, self.loop or AS_DRAWN.loop)
 
 
 class Glass(Section):

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mirror_cad.errors import SpecError, WriteError
+from mirror_studio import interrupt
 
 MANIFEST = "manifest.json"
 
@@ -30,6 +31,7 @@ def new_set(out: Path) -> Iterator[Path]:
     """
     out = Path(os.path.abspath(out))
     _check(out)
+    interrupt.begin()
     made = _make_parents(out.parent)
     work = out.parent / f".{out.name}.new-{os.getpid()}-{uuid.uuid4().hex[:8]}"
     try:
@@ -42,6 +44,7 @@ def new_set(out: Path) -> Iterator[Path]:
         raise SpecError(f"--out {out}: no folder can be made beside it: {error.strerror}") from None
     try:
         yield work
+        interrupt.check()
         _carry_foreign_files(out, work)
         _swap(out, work)
     except OSError as error:

@@ -19,7 +19,7 @@ from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt.tessellate import read_stl
-from mirror_cad.outline_files import write_dxf
+from mirror_cad.outline.files import write_dxf
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build import checks
@@ -31,17 +31,16 @@ from raytrace.errors import TraceError
 from raytrace.image import photograph
 from raytrace.load import Colour, load_reflector, reflector_of
 from raytrace.measures.difference import reflected_difference
+from raytrace.measures.edge_rays import h_fov_between_edges
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.measures.registry import measures_of
-from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, load_picture
 from raytrace.surfaces.mesh import Normals
 from raytrace.surfaces.plate import Plate
-from raytrace.trace import reflect
 from raytrace.viewing.camera import Frame
 
 Array = NDArray[np.float64]
@@ -126,8 +125,9 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     }
     if spec.glass.reflecting == "back":
         metrics["glass"] = _glass(mirror, reflector.plate, eye, points, figures["h_fov_traced_deg"])
+    from mirror_studio.missed import missed_in_words
     from mirror_studio.report import find, write_findings, write_pdf, write_report
-    from mirror_studio.report.verdict_table import as_json, view_requirements
+    from mirror_studio.report.verdict_table import as_json, requirements, view_requirements
 
     asked = view_requirements(mirror, metrics)
     if asked:
@@ -144,9 +144,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         write_pdf(folder / "report.html", folder / "report.pdf")
     manifest["files"] = hashes(folder)
     write_json(folder / MANIFEST, manifest)
-    missed = [f"{row.name}: {'not to be measured' if math.isnan(row.actual) else f'{row.actual:.4g} {row.unit}'}, asked for: "
-              f"at {row.side} {row.limit:g} {row.unit}" for row in asked if not row.met]
-    return Built(mirror, deviation, metrics, (*_missed(mirror, deviation), *missed))
+    return Built(mirror, deviation, metrics, missed_in_words(requirements(mirror, deviation, metrics)))
 
 
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
@@ -168,19 +166,27 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
         progress.step(f"{path.name}: tracing the driver's view")
         view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
         write_png(folder / "driver-view.png", view)
+        h_fov = h_fov_between_edges(reflector, eye, box)
         metrics: dict[str, Any] = {
-            "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
+            "h_fov_deg": {"traced": None if h_fov is None else math.degrees(h_fov)},
             "lane_straightness_percent": {
                 "traced": lane_straightness(use.setup, use.lane).percent,
                 "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, box)},
             "rays": rays, "normals_from": reflector.surface.normals_from,
             "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
         write_json(folder / "metrics.json", metrics)
-        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": spec_as_json(spec),
+        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": _lent(spec, reflector),
                     "versions": versions(), "files": hashes(folder)}
         write_json(folder / MANIFEST, manifest)
     progress.step(f"{path.name}: done, in {out}")
     return metrics
+
+
+def _lent(spec: MirrorSpec, reflector: Reflector) -> dict[str, Any]:
+    """What of a specification a trace uses: how the file is looked at, and the glass where there is some."""
+    content = spec_as_json(spec)
+    lent = {section: content[section] for section in ("eye", "scene", "view")}
+    return lent if not reflector.surface.refracts else lent | {"glass": {"index": spec.glass.index}}
 
 
 # --- glass --------------------------------------------------------------------------------------------------------
@@ -211,20 +217,6 @@ def _glass(mirror: Mirror, plate: Plate, eye: Array, points: Array, h_fov: float
 # --- what is taken from any reflector ------------------------------------------------------------------------
 
 
-def _row_field_of_view(reflector: Reflector, eye: Array, frame: Frame) -> float | None:
-    """Angle between the first and the last ray reflected along the row y = 0 of the picture plane, degrees."""
-    from raytrace.measures.field_of_view import angle_between
-    from raytrace.viewing.camera import rays_through
-
-    columns = np.linspace(0.0, frame.columns, 20_001)
-    rows = np.full_like(columns, frame.top / frame.pixel + 1e-3)  # beside y = 0, where a sphere's seam may run
-    trace = reflect(reflector, eye, rays_through(frame, eye, columns, rows))
-    seen = np.flatnonzero(trace.status == Status.REFLECTED)
-    if seen.size < 2:
-        return None
-    return math.degrees(angle_between(trace.directions[seen[0]], trace.directions[seen[-1]]))
-
-
 def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
     """(x_min, x_max, y_min, y_max) of what reflects."""
     points = reflector.outline()
@@ -233,27 +225,6 @@ def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
         raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks (along "
                          "−z): the file must be in mirror coordinates, and its faces must have edges there")
     return float(x_min), float(x_max), float(y_min), float(y_max)
-
-
-def _missed(mirror: Mirror, deviation: CurvatureDeviation) -> tuple[str, ...]:
-    """What was asked for and is not met, in words."""
-    surface, missed = mirror.spec.surface, []
-    if not deviation.numerical:
-        worst = max(("integration", "fit", "step"), key=lambda stage: max(
-            abs(deviation.stages[stage][key] or 0.0) for key in ("k1_max_percent", "k2_max_percent")))
-        entry = deviation.stages[worst]
-        key = max(("k1", "k2"), key=lambda k: abs(entry[f"{k}_max_percent"] or 0.0))
-        x, y = entry[f"{key}_max_at_mm"]
-        missed.append(f"the {worst} stage reaches {abs(entry[f'{key}_max_percent'] or 0.0):.3g} % of curvature, at ({x:.1f}, "
-                      f"{y:.1f}) mm, and {abs(entry['sag_max_mm']):.3g} mm of height; the tolerances are "
-                      f"{surface.curvature_tolerance_percent:g} % and {surface.position_tolerance_mm:g} mm")
-    if deviation.part is False:
-        total = deviation.total
-        key = max(("k1", "k2"), key=lambda k: abs(total[f"{k}_max_percent"]))
-        at = total[f"{key}_max_at_mm"]
-        missed.append(f"the part's {key} is {total[f'{key}_max_percent']:+.2f} % off at ({at[0]:.1f}, {at[1]:.1f}) mm, the "
-                      f"limit is {mirror.spec.limits.curvature_percent:g} %")
-    return tuple(missed)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

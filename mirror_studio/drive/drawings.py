@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,18 @@ STYLES: tuple[Any, ...] = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (7, 2, 1.5
 DPI = 150
 SIZE, SMALL = 9.0, 7.5
 LEVELS = 9
+PAGE_WIDTH = 11.0  # inches of a drawing as wide as the page
+MAX_BESIDE, WIDEST_PANEL = 4, 4.4  # mirrors in one row; inches
+# Inches of height for a panel's title and labels, for each further line of the title, and for a row of a legend.
+ABOUT_PANEL, TITLE_LINE, LEGEND_ROW = 0.55, 0.16, 0.25
+MARGIN_MM = 8.0  # around a mirror in its axes
+LEGEND_CHARACTERS, LEGEND_MARK = 150, 8  # of a legend as wide as the page: all, and what a line's sample takes
+LONGEST_LINE = 32  # characters of a panel's title
+
+
+def in_lines(name: str) -> str:
+    """A mirror's name in lines that are no longer than a panel is wide."""
+    return "\n".join(textwrap.wrap(name, LONGEST_LINE)) or name
 
 
 def outline_of(reflector: Reflector) -> Array:
@@ -40,10 +53,9 @@ def mirror_axes(axes: Axes, reflector: Reflector, title: str, labels: bool) -> N
     edge = outline_of(reflector)
     axes.plot(edge[:, 0], edge[:, 1], color=INK, linewidth=1.0)
     axes.set_aspect("equal")
-    x, y = 8.0, 8.0
-    axes.set_xlim(edge[:, 0].min() - x, edge[:, 0].max() + x)
-    axes.set_ylim(edge[:, 1].min() - y, edge[:, 1].max() + y)
-    axes.set_title(title, fontsize=SIZE, color=INK)
+    axes.set_xlim(edge[:, 0].min() - MARGIN_MM, edge[:, 0].max() + MARGIN_MM)
+    axes.set_ylim(edge[:, 1].min() - MARGIN_MM, edge[:, 1].max() + MARGIN_MM)
+    axes.set_title(in_lines(title), fontsize=SIZE, color=INK)
     axes.tick_params(labelsize=SMALL, colors=SOFT, length=2.5)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -58,7 +70,7 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
                     ("vertical magnification", lambda m: m.magnification.magnification.vertical, "viridis", None),
                     ("horizontal over vertical", lambda m: m.magnification.magnification.ratio, "PuOr", 1.0),
                     ("binocular disparity, %", _disparity, "RdBu_r", 0.0))
-    figure = Figure(figsize=(11.0, 0.5 + 3.3 * len(mirrors)), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 0.5 + 3.3 * len(mirrors)), dpi=DPI, layout="constrained")
     grid: Any = figure.subplots(len(mirrors), len(columns), squeeze=False)
     for j, (title, values_of, colours, centre) in enumerate(columns):
         values = [values_of(each) for each in mirrors]
@@ -74,22 +86,27 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
                 axes.clabel(lines, fontsize=6, fmt="%g")
             mirror_axes(axes, each.mirror.reflector, title if i == 0 else "", labels=i == len(mirrors) - 1)
             if j == 0:
-                axes.set_ylabel(each.mirror.name, fontsize=SIZE, color=INK)
+                axes.set_ylabel(in_lines(each.mirror.name), fontsize=SIZE, color=INK)
         if image is not None:
             bar = figure.colorbar(image, ax=grid[:, j], location="bottom", shrink=0.85, aspect=28, pad=0.01)
             bar.ax.tick_params(labelsize=SMALL, colors=SOFT)
     save(figure, path)
 
 
-def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
+def line_drawings(path: Path, mirrors: Sequence[Measured]) -> float:
     """What a 1° grid of the far world, the horizon, lane lines and the column look like in each mirror, seen from between
-    the eyes."""
-    figure = Figure(figsize=(min(3.4 * len(mirrors), 13.6), 4.9 * (1 + (len(mirrors) - 1) // 4)), dpi=DPI, layout="constrained")
-    grid: Any = figure.subplots(1 + (len(mirrors) - 1) // 4, min(len(mirrors), 4), squeeze=False)
+    the eyes. Returns the picture's width as a share of the page's, at which its text is as large as that of the others."""
+    columns, rows = min(len(mirrors), MAX_BESIDE), 1 + (len(mirrors) - 1) // MAX_BESIDE
+    width = min(WIDEST_PANEL, PAGE_WIDTH / columns)
+    titles = max(in_lines(each.mirror.name).count("\n") for each in mirrors)
+    panel = width * _aspect(mirrors) + ABOUT_PANEL + TITLE_LINE * titles
+    figure = Figure(figsize=(columns * width, rows * panel + LEGEND_ROW * (1 if columns > 1 else 2)), dpi=DPI,
+                    layout="constrained")
+    grid: Any = figure.subplots(rows, columns, squeeze=False)
     for axes in grid.ravel()[len(mirrors):]:
         axes.set_axis_off()
     for axes, each in zip(grid.ravel(), mirrors, strict=False):
-        mirror_axes(axes, each.mirror.reflector, each.mirror.name, labels=axes is grid[-1, 0])
+        mirror_axes(axes, each.mirror.reflector, each.mirror.name, labels=axes in grid[-1])
         if each.orientation.twice:
             said_twice(axes)
             continue
@@ -99,8 +116,16 @@ def line_drawings(path: Path, mirrors: Sequence[Measured]) -> None:
                   color="white", zorder=3, linewidth=0)
         axes.plot(edge[:, 0], edge[:, 1], color=INK, linewidth=1.2, zorder=4)
     handles = {label: handle for axes in grid.ravel() for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4 if columns > 1 else 2, fontsize=SMALL,
+                  frameon=False)
     save(figure, path)
+    return columns * width / PAGE_WIDTH
+
+
+def _aspect(mirrors: Sequence[Measured]) -> float:
+    """Height over width of the axes that hold every one of the mirrors without a gap."""
+    sizes = [np.ptp(outline_of(each.mirror.reflector), axis=0) + 2.0 * MARGIN_MM for each in mirrors]
+    return max(float(size[1] / size[0]) for size in sizes)
 
 
 def _lines(axes: Axes, each: Measured) -> None:
@@ -176,7 +201,10 @@ def _levels(norm: Normalize) -> Array:
 
 def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
     """What the horizon's row shows, and how long the lane beside is in no view, while the mirrors are turned."""
-    figure = Figure(figsize=(11.0, 3.4), dpi=DPI, layout="constrained")
+    names = [each.mirror.name for each in mirrors]
+    columns = max(1, min(len(names), int(LEGEND_CHARACTERS / (max(map(len, names)) + LEGEND_MARK))))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(PAGE_WIDTH, 3.15 + LEGEND_ROW * rows), dpi=DPI, layout="constrained")
     grid: Any = figure.subplots(1, 2)
     for k, each in enumerate(mirrors):
         colour, style = PALETTE[k % len(PALETTE)], STYLES[k % len(STYLES)]  # mirrors alike lie on each other
@@ -199,7 +227,7 @@ def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
         axes.axvline(0.0, color=SOFT, linewidth=0.7)
         for spine in axes.spines.values():
             spine.set_color(FAINT)
-    figure.legend(loc="outside lower center", ncols=max(1, len(mirrors)), fontsize=SMALL, frameon=False)
+    figure.legend(loc="outside lower center", ncols=columns, fontsize=SMALL, frameon=False)
     save(figure, path)
 
 

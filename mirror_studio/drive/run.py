@@ -59,14 +59,14 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
     found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name]}
              for each, change in zip(measured, changes, strict=True)]
     drawings.magnification_maps(folder / "maps.png", measured)
-    drawings.line_drawings(folder / "lines.png", measured)
+    lines_width = drawings.line_drawings(folder / "lines.png", measured)
     drawings.turned_drawing(folder / "turned.png", measured)
     ground_plans(folder / "plan.png", measured, scene, footprints)
     names = [each.mirror.name for each in measured]
     content = dict(zip(names, found, strict=True))
     write_json(folder / "measures.json", content)
     write_csv(folder / "measures.csv", measured)
-    write_sheet(folder / "index.html", scene, measured, found)
+    write_sheet(folder / "index.html", scene, measured, found, lines_width)
     specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
                                    "versions": versions(), "files": hashes(folder)})

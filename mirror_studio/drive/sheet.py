@@ -8,13 +8,17 @@ from typing import Any
 
 from mirror_cad.laws.words import plain
 from mirror_studio.drive.measured import Measured
+from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, camera_at
 from mirror_studio.drive.table import WAY_DEFINITION, WAY_TITLE, cells, groups_of, ways
 from mirror_studio.report.text import fixed, templates
 from mirror_studio.scene_file import AimSection, SceneFile
+from raytrace.measures.in_use import Asked
 
 SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "own flank, of width", 3),
              ("horizon_share", "horizon, of height", 3), ("width_at_20_m", "ground seen at 20 m, m", 2),
              ("blind_length_m", "lane beside in no view, m", 2))
+
+SAME_SCALE = 0.01  # of a pixel's size: less is not seen between pictures side by side
 
 
 def picture_name(mirror: str) -> str:
@@ -22,19 +26,41 @@ def picture_name(mirror: str) -> str:
     return f"{mirror}-eyes.png"
 
 
-def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]]) -> None:
-    """Write index.html, which shows the pictures and drawings beside it."""
+def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]],
+                lines_width: float) -> None:
+    """Write index.html, which shows the pictures and drawings beside it; lines_width : of the lines' drawing, of the page's."""
     groups = [(group, [(row, cells(row, measured)) for row in rows]) for group, rows in groups_of(measured)]
     mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
                 "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
-        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", lead=_lead(scene), facts=_facts(scene),
-        mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)), line_y=plain(scene.measured.line_y_m),
-        direct=f"lane lines; direct view ends {plain(scene.measured.direct_view_deg)}° from straight ahead",
+        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", facts=_facts(scene),
+        lead=_lead(scene) if len(measured) > 1 else "", one_scale=_one_scale(measured),
+        lines_percent=f"{100.0 * lines_width:.1f}", radii_of=_designed(measured),
+        mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)),
+        lines=_lines(measured[0].asked, scene),
+        direct=f"{plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])
     path.write_text(page, encoding="utf-8")
+
+
+def _one_scale(measured: Sequence[Measured]) -> bool:
+    """Whether the eyes' pictures of all mirrors have pixels of one size: those of one size that are turned alike."""
+    pixels = [camera_at(each.mirror, each.mirror.views.middle, EYE_WIDTH_PX, EYE_HEIGHT_PX)[1] for each in measured]
+    return max(pixels) <= min(pixels) * (1.0 + SAME_SCALE)
+
+
+def _designed(measured: Sequence[Measured]) -> str:
+    """Of which mirrors the radii could be changed: a file has none."""
+    designed = sum(each.mirror.spec is not None for each in measured)
+    return "all" if designed == len(measured) else "some" if designed else "none"
+
+
+def _lines(asked: Asked, scene: SceneFile) -> str:
+    """What is drawn beside the grid, as far as the scene has it."""
+    lane = f"; the lane line at Y = {plain(scene.measured.line_y_m)} m with the chord of its image"
+    return (lane if asked.line_y is not None else "") + ("; the column" if asked.column is not None else "")
 
 
 def _sensitive(values: Mapping[str, Any], key: str, decimals: int) -> str:

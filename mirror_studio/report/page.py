@@ -19,8 +19,9 @@ from mirror_studio.report.histogram import histogram_figure
 from mirror_studio.report.maps import deviation_maps, pair_maps
 from mirror_studio.report.marked_view import marked_view
 from mirror_studio.report.report_data import ReportData
-from mirror_studio.report.rows import VIEW_DECIMALS, change_rows, probe_rows, requirement_groups
+from mirror_studio.report.rows import actual_in_words, change_rows, probe_rows, requirement_groups
 from mirror_studio.report.side_by_side import side_by_side
+from mirror_studio.report.specification import specification_rows
 from mirror_studio.report.stages import (
     FLOOR_DIGITS,
     NUMERICAL,
@@ -36,8 +37,8 @@ from mirror_studio.report.stages import (
 )
 from mirror_studio.report.text import (
     NARROW_SPACE,
-    SMALLEST_PLAIN,
     count,
+    digits_telling,
     fixed,
     fixed_with_unit,
     given,
@@ -114,7 +115,7 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
         both=side_by_side(metrics.get("methods"), surface.method, mirror.spec.scene.distance_mm),
         making=_making(mirror, metrics),
         files=_sorted_files(mirror.spec.name, manifest.get("files") or {}), versions=manifest.get("versions") or {},
-        notes=manifest.get("notes") or list(mirror.notes), specification=_paired(_flat(mirror.spec.model_dump())),
+        notes=manifest.get("notes") or list(mirror.notes), specification=specification_rows(mirror.spec),
     )
     path.write_text(page, encoding="utf-8")
 
@@ -132,7 +133,7 @@ def _view_verdict(rows: list[Requirement]) -> dict[str, str]:
     asked: dict[str, list[str]] = {}
     for row in rows:
         if row.limit is not None:
-            said = f"{row.name} {fixed_with_unit(row.actual, row.unit, VIEW_DECIMALS)}"
+            said = f"{row.name} {actual_in_words(row, sign=False)}"
             asked.setdefault(said, []).append(f"at {row.side} {given(row.limit, row.unit)}")
     text = "; ".join(f"{said} (asked for: {' and '.join(limits)})" for said, limits in asked.items())
     return {"what": "View", "met": "yes" if met else "no", "text": f"{text[0].upper()}{text[1:]}.",
@@ -146,9 +147,10 @@ def _numerical_verdict(mirror: Mirror, deviation: CurvatureDeviation) -> dict[st
     for name in NUMERICAL:
         entry = deviation.stages[name]
         off = largest_of_pair(entry)
-        curvature = with_unit(off, "%", 2) if off is not None else with_unit(_largest_per_m(entry), "/m", 2)
-        reached.append(f"{STAGE_NAMES[name]} {curvature} of curvature and {with_unit(abs(entry['sag_max_mm']), 'mm', 2)} "
-                       "of height")
+        curvature = (_beside(off, asked.curvature_tolerance_percent, "%", 2) if off is not None
+                     else with_unit(_largest_per_m(entry), "/m", 2))
+        height = _beside(abs(entry["sag_max_mm"]), asked.position_tolerance_mm, "mm", 2)
+        reached.append(f"{STAGE_NAMES[name]} {curvature} of curvature and {height} of height")
     return {
         "what": "Numerical", "met": "yes" if deviation.numerical else "no",
         "head": "Tolerances met" if deviation.numerical else "Tolerances not met",
@@ -165,10 +167,11 @@ def _part_verdict(mirror: Mirror, deviation: CurvatureDeviation, fields: Deviati
                 "head": "No limit asked for" if limit is None else "Limit in percent does not apply",
                 "text": f"{surface} surface of a flat design, whose deviation has no percent: k1 and k2 differ from zero by at "
                         f"most {with_unit(_largest_per_m(total), '/m', 2)}."}
-    worst = "; ".join(f"{key} {with_unit(value, '%' if fields.unit == '%' else '/m', sign=True)} at "
+    percent = fields.unit == "%"
+    worst = "; ".join(f"{key} {_beside(value, limit, '%', 3, True) if percent else with_unit(value, '/m', sign=True)} at "
                       f"{place(at)}{NARROW_SPACE}mm" for key, (value, at) in fields.worst.items() if key in ("k1", "k2"))
-    other = " and ".join(with_unit(total[f"{key}_max_{'per_m' if fields.unit == '%' else 'percent'}"],
-                                   "/m" if fields.unit == "%" else "%", sign=True) for key in ("k1", "k2"))
+    other = " and ".join(with_unit(total[f"{key}_max_per_m"], "/m", sign=True) if percent else
+                         _beside(total[f"{key}_max_percent"], limit, "%", 3, True) for key in ("k1", "k2"))
     text = f"{surface} surface, realised against designed curvature at its worst: {worst} ({other})."
     if deviation.part is None or limit is None:
         return {"what": "Part", "met": "open", "head": "No limit asked for", "text": text}
@@ -179,6 +182,13 @@ def _part_verdict(mirror: Mirror, deviation: CurvatureDeviation, fields: Deviati
     share = 100.0 * float(np.average(beyond, weights=deviation.grid.weights))
     return {"what": "Part", "met": "no", "head": f"Beyond the limit of {allowed}",
             "text": f"{text} {with_unit(share, '%', 2)} of the area lies beyond the limit."}
+
+
+def _beside(value: float, limit: float | None, unit: str, digits: int, sign: bool = False) -> str:
+    """A value beside the limit that its size is held to, in digits that show whether it meets it."""
+    if limit is not None:
+        digits = digits_telling(abs(value), limit, abs(value) <= limit, digits)
+    return with_unit(value, unit, digits, sign)
 
 
 def _largest_per_m(entry: Mapping[str, Any]) -> float:
@@ -268,13 +278,13 @@ def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]
         ("Integration of the profile", f"{surface.integration}{step}"),
         ("Fit", f"{fit.route}, degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans (x × y); "
                 f"tolerances {'met' if fit.met else 'not met'}"),
-        ("Fit, largest position error", f"{with_unit(fit.position_error_mm, 'mm', 2)} "
+        ("Fit, largest position error", f"{_beside(fit.position_error_mm, surface.position_tolerance_mm, 'mm', 2)} "
                                         f"(asked: {given(surface.position_tolerance_mm, 'mm')})"),
     ]
     if fit.curvature_error_percent is not None:
-        rows.append(("Fit, largest curvature error", f"{with_unit(fit.curvature_error_percent, '%', 2)} at "
-                     f"{place(fit.worst_at_mm)}{NARROW_SPACE}mm, over the whole bounding box "
-                     f"(asked: {given(surface.curvature_tolerance_percent, '%')})"))
+        off = _beside(fit.curvature_error_percent, surface.curvature_tolerance_percent, "%", 2)
+        rows.append(("Fit, largest curvature error", f"{off} at {place(fit.worst_at_mm)}{NARROW_SPACE}mm, over the whole "
+                     f"bounding box (asked: {given(surface.curvature_tolerance_percent, '%')})"))
     if mirror.matched is not None:
         rows.append(("Solved for", f"{mirror.matched[0]} = {number(mirror.matched[1], 6)}"))
     plate, other = metrics.get("plate") or {}, "Back" if mirror.spec.glass.reflecting == "front" else "Front"
@@ -291,34 +301,6 @@ def _measured(key: str, value: Any) -> str:
         return str(value)
     unit = next((unit for suffix, unit in UNITS.items() if key.endswith(suffix)), "")
     return with_unit(value, unit, 2) if unit else number(value)
-
-
-def _flat(section: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
-    """Keys and values of a specification, as `horizontal.law` and “zones”; what is not set is left out."""
-    rows: list[tuple[str, str]] = []
-    for key, value in sorted(section.items(), key=lambda item: item[0] != "law"):
-        if isinstance(value, Mapping):
-            rows += _flat(value, f"{before}{key}.")
-        elif isinstance(value, tuple | list) and len(value) > 8:
-            rows.append((before + key, f"{len(value)} values, {_value(value[0])} to {_value(value[-1])}"))
-        elif value is not None:
-            rows.append((before + key, _value(value)))
-    return rows
-
-
-def _paired(rows: list[tuple[str, str]]) -> list[list[tuple[str, str]]]:
-    """Two rows side by side: the first half of them on the left."""
-    half = (len(rows) + 1) // 2
-    right = [*rows[half:], *([("", "")] if len(rows) % 2 else [])]
-    return [[left, beside] for left, beside in zip(rows[:half], right, strict=True)]
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, tuple | list):
-        return ", ".join(_value(each) for each in value)
-    if isinstance(value, float):
-        return plain(value).replace("inf", "∞") if value == 0.0 or abs(value) >= SMALLEST_PLAIN else number(value)
-    return str(value)
 
 
 def _sorted_files(name: str, files: Mapping[str, str]) -> dict[str, list[tuple[str, str]]]:

@@ -7,9 +7,19 @@ import math
 from mirror_cad.laws.words import plain
 from mirror_studio.report.probe import Probe
 from mirror_studio.report.step_change import StepChange
-from mirror_studio.report.text import MISSING, NARROW_SPACE, fixed, fixed_with_unit, given, place, with_unit
+from mirror_studio.report.text import (
+    MISSING,
+    NARROW_SPACE,
+    decimals_telling,
+    digits_telling,
+    fixed,
+    fixed_with_unit,
+    given,
+    place,
+    with_unit,
+)
 from mirror_studio.report.uncertainty import Uncertainty
-from mirror_studio.report.verdict_table import Requirement, Side
+from mirror_studio.report.verdict_table import Requirement
 
 GROUPS = {"part": "Part: optical face as read back, against the design",
           "view": "View: field of view and lane, as asked for",
@@ -54,16 +64,27 @@ def _requirement(row: Requirement, measured: Uncertainty) -> dict[str, str]:
     return {
         "name": row.name, "met": {True: "yes", False: "no", None: "open"}[row.met], "verdict": verdict,
         "limit": MISSING if row.limit is None else before + _asked(row.limit, row.unit),
-        "actual": _quantity(row.actual, row.unit, signed, row.side), "margin": MISSING if row.margin is None else
-        _quantity(row.margin, row.unit, False, row.side), "place": MISSING if row.place is None or row.actual == 0.0 else
+        "actual": actual_in_words(row, signed), "margin": MISSING if row.margin is None else _margin(row),
+        "place": MISSING if row.place is None or row.actual == 0.0 else
         f"{place(row.place)}{NARROW_SPACE}mm",
     }
 
 
-def _quantity(value: float, unit: str, sign: bool, side: Side) -> str:
-    if side != "size":
-        return fixed_with_unit(value, unit, VIEW_DECIMALS)
-    return with_unit(value, unit, 3, sign) if unit else with_unit(value, "", 3, sign).strip()
+def actual_in_words(row: Requirement, sign: bool) -> str:
+    """The actual value, in digits that show on which side of its limit it is."""
+    limit, met = row.limit, bool(row.met)
+    if row.side != "size":
+        decimals = VIEW_DECIMALS if limit is None else decimals_telling(row.size, limit, met, VIEW_DECIMALS)
+        return fixed_with_unit(row.actual, row.unit, decimals)
+    digits = 3 if limit is None else digits_telling(row.size, limit, met, 3)
+    return with_unit(row.actual, row.unit, digits, sign).strip()
+
+
+def _margin(row: Requirement) -> str:
+    margin = row.margin or 0.0
+    if row.side == "size":
+        return with_unit(margin, row.unit, 3).strip()
+    return fixed_with_unit(margin, row.unit, decimals_telling(margin, 0.0, margin >= 0.0, VIEW_DECIMALS))
 
 
 def _asked(value: float, unit: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,11 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 PLACE_DECIMALS = 2  # mm: the presets' deviations at the printed places are the printed ones to their three digits
 # Outside this range a number is written with a power of ten.
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e7
+USUAL_DIGITS = 3
+MAX_DIGITS, MAX_DECIMALS = 17, 28  # a double has no more digits; nor does a figure that is told to so many decimals
 
 
-def number(value: Any, digits: int = 3, sign: bool = False) -> str:
+def number(value: Any, digits: int = USUAL_DIGITS, sign: bool = False) -> str:
     """A value to `digits` significant digits: 0.0123, −4.64, 68 985, 4.9·10⁻⁸; a dash where there is none."""
     if value is None or isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
         return MISSING
@@ -35,7 +37,7 @@ def number(value: Any, digits: int = 3, sign: bool = False) -> str:
     exponent = math.floor(math.log10(rounded))
     if SMALLEST_PLAIN <= rounded < LARGEST_PLAIN:
         return before + _grouped(size, max(0, digits - 1 - exponent))
-    mantissa, power = f"{size:.1e}".split("e")
+    mantissa, power = f"{size:.{_digits_with_power(digits) - 1}e}".split("e")
     return f"{before}{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}"
 
 
@@ -65,6 +67,27 @@ def given(value: float, unit: str) -> str:
         return _joined(plain(value), unit)
     factor = mantissa.rstrip("0").rstrip(".")
     return _joined(f"{'' if factor == '1' else factor + '·'}10{str(int(power)).translate(SUPERSCRIPT)}", unit)
+
+
+def decimals_telling(value: float, limit: float, met: bool, decimals: int) -> int:
+    """Decimals, `decimals` at least, to which a value is rounded on the side of its limit on which it is: 4.6413 beside a limit
+    of 4.641 is not "4.64". A value that meets its limit may be rounded onto it; one that misses it may not."""
+    return _telling(value, limit, met, range(decimals, MAX_DECIMALS), lambda size, n: round(size, n))
+
+
+def digits_telling(value: float, limit: float, met: bool, digits: int) -> int:
+    """The same for `number`: significant digits, `digits` at least."""
+    return _telling(value, limit, met, range(digits, MAX_DIGITS), _shown)
+
+
+def _telling(value: float, limit: float, met: bool, counts: range, rounded: Callable[[float, int], float]) -> int:
+    if not (math.isfinite(value) and math.isfinite(limit)):
+        return counts[0]
+    for n in counts:
+        shown = rounded(value, n)
+        if ((shown > limit) == (value > limit) and (shown < limit) == (value < limit)) or (met and shown == limit):
+            return n
+    return counts[-1]
 
 
 def count(value: Any) -> str:
@@ -97,6 +120,17 @@ def templates() -> Environment:
                               undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"number": number, "with_unit": with_unit, "count": count, "given": given, "css_text": css_text}
     return environment
+
+
+def _digits_with_power(digits: int) -> int:
+    """Two digits are enough of what is only to be known as small or large, unless more than usual are asked for."""
+    return digits if digits > USUAL_DIGITS else 2
+
+
+def _shown(value: float, digits: int) -> float:
+    """What `number` shows of a value."""
+    rounded = float(f"{value:.{digits - 1}e}")
+    return rounded if SMALLEST_PLAIN <= abs(rounded) < LARGEST_PLAIN else float(f"{value:.{_digits_with_power(digits) - 1}e}")
 
 
 def _joined(text: str, unit: str) -> str:

@@ -43,9 +43,12 @@ class Requirement:
         """What is left of the limit; negative beyond it."""
         if self.limit is None:
             return None
-        if self.side == "least":
-            return self.actual - self.limit
-        return self.limit - (abs(self.actual) if self.side == "size" else self.actual)
+        return self.actual - self.limit if self.side == "least" else self.limit - self.size
+
+    @property
+    def size(self) -> float:
+        """What is held against the limit: the actual value, or its size."""
+        return abs(self.actual) if self.side == "size" else self.actual
 
     @property
     def met(self) -> bool | None:

@@ -23,7 +23,7 @@ MAX_FACES = 2_000_000  # of a mesh that is to be traced while sliders move
 def read(kind: str, path: Path) -> None:
     """Read a file as the studio will, and leave a reflector beside it, ready to be traced. Raises: MirrorError."""
     if kind == "outline":
-        from mirror_cad.outline_files import read_outline
+        from mirror_cad.outline.files import read_outline
 
         read_outline(path)
     elif kind == "picture":

@@ -27,6 +27,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from mirror_cad.errors import FileError, SpecError
 from mirror_cad.laws import Table
 from mirror_cad.spec import MirrorSpec
+from mirror_studio import interrupt
 from mirror_studio.web import state
 from mirror_studio.web.controls import controls, laws
 from mirror_studio.web.downloads import KINDS, Downloads, NotMadeError, kinds
@@ -57,6 +58,7 @@ class BadPortError(Exception):
 
 def serve(port: int, browser: bool) -> None:
     """Serve the studio until it is interrupted. Port 0 takes any free one. Raises: BadPortError."""
+    interrupt.begin()
     listening = _listen(port)
     address = f"http://{HOST}:{listening.getsockname()[1]}/"
     app = create_app(listening.getsockname()[1])

@@ -40,8 +40,6 @@ def as_state(spec: MirrorSpec) -> dict[str, Any]:
     for key, value in state["limits"].items():
         if isinstance(value, list):  # JSON has no infinite number
             state["limits"][key] = [end if isinstance(end, float) else None for end in value]
-    if "file" in state["outline"]:
-        state["outline"] = {"file": state["outline"]["file"]}
     return state
 
 

@@ -40,6 +40,11 @@ class OpticalSurface(ABC):
         return "surface"
 
     @property
+    def refracts(self) -> bool:
+        """Whether light goes through glass before it."""
+        return False
+
+    @property
     def resolution_mm(self) -> float:
         """What lies closer together than this is not told apart by normals: 0 for all but a mesh."""
         return 0.0

@@ -88,6 +88,10 @@ class Plate(OpticalSurface):
     def _front_from_inside(self) -> Face:
         return replace(self.front, one_sided=False)
 
+    @property
+    def refracts(self) -> bool:
+        return True
+
     def outline(self) -> Array:
         """Of the back, which reflects."""
         return self.back.outline()

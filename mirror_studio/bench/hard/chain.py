@@ -46,7 +46,7 @@ def make(folder: Path, raw: Spec) -> Made:
     """Specification → design → plate → files → read back → deviation. Raises: MirrorError."""
     from mirror_cad.occt.step import OPTICAL_FACE
     from mirror_cad.occt.tessellate import read_stl
-    from mirror_cad.outline_files import write_dxf
+    from mirror_cad.outline.files import write_dxf
     from mirror_cad.part21 import read_named_surface
     from mirror_studio.build import checks
 

@@ -18,6 +18,9 @@ Bounds = tuple[float, float, float, float]
 MAXIMUM_EDGES = 300_000
 """Most straight edges one outline may be broken into, so that a malformed one cannot exhaust the memory."""
 
+ROUNDING_MM = 1e-9
+"""Ends closer than this differ by rounding; moving them to close the gap would only add rounding of its own."""
+
 FULL_TURN = 2.0 * math.pi
 LARGEST = 1e12
 """Numbers larger than this overflow or lose all digits in what is computed with them."""

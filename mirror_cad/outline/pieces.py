@@ -9,11 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirror_cad.errors import OutlineError
-from mirror_cad.outline_numbers import FULL_TURN, point_text
-from mirror_cad.outline_segments import Arc, Segment, Spline
-
-FILE_JOIN_TOLERANCE_MM = 1e-3
-"""Ends of pieces in a file that are this close are one point; larger gaps are errors."""
+from mirror_cad.outline.numbers import FULL_TURN, point_text
+from mirror_cad.outline.segments import Arc, Segment, Spline
 
 
 class Piece(NamedTuple):

@@ -15,17 +15,15 @@ from ezdxf.entities import DXFEntity
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mirror_cad.errors import OutlineError, WriteError
-from mirror_cad.outline import Outline
-from mirror_cad.outline_numbers import FULL_TURN, FloatArray, point_text
-from mirror_cad.outline_pieces import FILE_JOIN_TOLERANCE_MM, Piece, elliptic_arc
-from mirror_cad.outline_segments import Arc, Line, Segment, Spline, arc_between
+from mirror_cad.outline.dxf_drawn import drawn_entities, open_dxf, printable
+from mirror_cad.outline.numbers import FULL_TURN, FloatArray, point_text
+from mirror_cad.outline.options import FILE_JOIN_TOLERANCE_MM
+from mirror_cad.outline.pieces import Piece, elliptic_arc
+from mirror_cad.outline.record import Outline
+from mirror_cad.outline.segments import Arc, Line, Segment, Spline, arc_between
 
 _MM_PER_UNIT = {
     0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 25.4e-3, 10: 914.4, 13: 1e-3, 14: 100.0
-}  # fmt: skip
-_ANNOTATIONS = {
-    "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "POINT", "LEADER", "MULTILEADER",
-    "MLEADER", "TOLERANCE", "ATTDEF", "ATTRIB"
 }  # fmt: skip
 _ENTITIES = "LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE, POLYLINE and SPLINE"
 # An arc that rises less than this over its chord is a line: its centre is too far away to place its ends.
@@ -33,23 +31,16 @@ _FLAT_MM = 1e-6
 _ELEVATION_TOLERANCE_MM = 1e-6
 
 
-def _printable(text: object) -> str:
-    """At most 200 characters of a text that came from a damaged file, bytes that are none written as escapes."""
-    return str(text)[:200].encode("ascii", "backslashreplace").decode()
-
-
-def dxf_pieces(file: Path) -> Iterator[Piece]:
-    """The pieces drawn in a DXF file, in mm; `mirror_cad.outline_files.read_outline` says what counts."""
+def dxf_pieces(file: Path, layer: str | None, notes: list[str]) -> Iterator[Piece]:
+    """The pieces drawn in a DXF file, in mm; `mirror_cad.outline.files.read_outline` says what counts."""
     try:
-        document = ezdxf.readfile(str(file))
-        # Without a header of its own a document gets ezdxf's, whose unit is the metre: only what the file says counts.
-        unit = document.header.get("$INSUNITS", 0) if b"$INSUNITS" in file.read_bytes() else 0
-        entities = list(document.modelspace())
-    except OSError as error:
-        raise OutlineError(f"{file}: not a DXF file, or it cannot be read ({error}); export it again as DXF") from None
+        document, unit = open_dxf(file, notes)
+        entities = list(drawn_entities(document, file, layer, notes))
+    except OutlineError:
+        raise
     except Exception as error:
         raise OutlineError(
-            f"{file}: damaged DXF file ({type(error).__name__}: {_printable(error)}); export it again as R2000 or later"
+            f"{file}: damaged DXF file ({type(error).__name__}: {printable(error)}); export it again as R2000 or later"
         ) from None
     scale = _MM_PER_UNIT.get(unit) if isinstance(unit, int) else None
     if scale is None:
@@ -57,17 +48,13 @@ def dxf_pieces(file: Path) -> Iterator[Piece]:
             f"{file}: unit code $INSUNITS = {unit!r} is not supported; use 4 (mm), 5 (cm), 6 (m), 1 (in) or 2 (ft)"
         )
     level: tuple[float, str] | None = None
-    for entity in entities:
-        kind = entity.dxftype()
-        if kind in _ANNOTATIONS:
-            continue
-        label = _printable(f"{kind} with handle {entity.dxf.get('handle')}")
+    for entity, label in entities:
         try:
-            segments, elevations = _dxf_segments(entity, kind, scale)
+            segments, elevations = _dxf_segments(entity, entity.dxftype(), scale)
         except OutlineError as error:
             raise OutlineError(f"{file}: {label}: {error}") from None
         except Exception as error:
-            raise OutlineError(f"{file}: {label} is damaged ({type(error).__name__}: {_printable(error)})") from None
+            raise OutlineError(f"{file}: {label} is damaged ({type(error).__name__}: {printable(error)})") from None
         for z in elevations:
             level = level or (z, label)
             if not abs(z - level[0]) <= _ELEVATION_TOLERANCE_MM:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirror_cad.errors import OutlineError
-from mirror_cad.outline_numbers import FloatArray, point_text
+from mirror_cad.outline.numbers import FloatArray, point_text
 
 _MAXIMUM_PAIRS = 4_000_000
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
 from mirror_cad.errors import OutlineError
-from mirror_cad.outline_numbers import (
+from mirror_cad.outline.numbers import (
     LARGEST,
     MAXIMUM_EDGES,
     Bounds,

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mirror_cad.errors import OutlineError
-from mirror_cad.outline_numbers import FULL_TURN, Point
-from mirror_cad.outline_pieces import elliptic_arc
-from mirror_cad.outline_segments import Line, Segment, Spline
+from mirror_cad.outline.numbers import FULL_TURN, Point
+from mirror_cad.outline.pieces import elliptic_arc
+from mirror_cad.outline.segments import Line, Segment, Spline
 
 _SPACE = re.compile(r"[ \t\r\n\f]*")
 _SEPARATOR = re.compile(r"[ \t\r\n\f]*,?[ \t\r\n\f]*")

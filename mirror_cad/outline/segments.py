@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirror_cad.errors import OutlineError
-from mirror_cad.outline_numbers import (
+from mirror_cad.outline.numbers import (
     FULL_TURN,
     LARGEST,
     MAXIMUM_EDGES,
@@ -23,7 +23,7 @@ from mirror_cad.outline_numbers import (
     finite_point,
     point_text,
 )
-from mirror_cad.outline_spline import Spline
+from mirror_cad.outline.spline import Spline
 
 __all__ = ["Arc", "Line", "Segment", "Spline", "arc_between"]
 

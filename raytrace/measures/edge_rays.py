@@ -1,0 +1,53 @@
+"""A reflector and an eye in, the traced horizontal field of view between its two edges out, for whatever reflects."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import TraceError
+from raytrace.measures.field_of_view import angle_between
+from raytrace.reflector import Reflector
+from raytrace.surfaces.base import Box
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of
+
+Array = NDArray[np.float64]
+
+
+def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | None:
+    """Compute the traced horizontal field of view of any reflector, with the eye where it really sits.
+
+    Where there is a surface at the box's edges, (x_min, 0) and (x_max, 0), it is the angle between the rays reflected there,
+    as `traced_fields_of_view` has it for a designed mirror. Of whatever else reflects, the angle
+    between the rays at the outermost two places at which the row y = 0 crosses the edge of what the eye sees reflecting;
+    these are roots along that edge (`raytrace.visibility.edge`), not samples of the row.
+
+    Parameters
+    ----------
+    reflector : in mirror coordinates, mm.
+    eye : (3,) float64, mm, in the same coordinates.
+    box : (x_min, x_max, y_min, y_max), mm, of what reflects.
+
+    Returns
+    -------
+    The angle in radians; None where the eye sees nothing reflecting on that row.
+    """
+    surface = reflector.surface
+    inset = surface.edge_inset * (box[1] - box[0])
+    _, ends = surface.reflected_at(eye, np.array([box[0] + inset, box[1] - inset]), np.zeros(2))
+    if np.isfinite(ends).all():
+        return angle_between(ends[0], ends[1])
+    try:
+        view = View(reflector, Pose.identity(), eye)
+    except TraceError:  # an eye that the mirror does not face sees nothing in it
+        return None
+    edge = edge_of(view)
+    if len(edge.places) == 0:
+        return None
+    _, _, sight = edge.crossings(lambda points, _: points[:, 1])
+    if len(sight.points) < 2:
+        return None
+    x = sight.on_mirror[:, 0]
+    return angle_between(sight.directions[np.argmin(x)], sight.directions[np.argmax(x)])

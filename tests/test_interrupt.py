@@ -1,0 +1,56 @@
+"""Ctrl-C ends a command in one way whenever it comes: one line, exit code 1, nothing left behind."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mirror_studio import interrupt
+
+PROGRAM = """
+import runpy, sys
+from mirror_studio import interrupt
+interrupt.install()
+print("begun", flush=True)
+sys.argv = ["mirror-cad", *sys.argv[1:]]
+runpy.run_module("mirror_studio", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("after", [0.0, 0.05, 0.2, 0.6, 1.4, 2.2])
+def test_an_interrupt_while_libraries_load_ends_as_a_later_one_does(tmp_path: Path, after: float,
+                                                                            number: signal.Signals) -> None:
+    with subprocess.Popen([sys.executable, "-c", PROGRAM, "build", "sphere-950", "--out", "set"], cwd=tmp_path, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(after)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert said.splitlines()[-1] == interrupt.STOPPED
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_that_a_library_swallowed_is_found_at_the_next_step(monkeypatch: pytest.MonkeyPatch,
+                                                                         capsys: pytest.CaptureFixture[str]) -> None:
+    from mirror_studio import cli
+    from mirror_studio.progress import Progress
+
+    monkeypatch.setattr(interrupt, "_asked", True)
+    with pytest.raises(KeyboardInterrupt):
+        Progress(quiet=True).step("on")
+
+    def broken(*_: object, **__: object) -> int:
+        raise ImportError("initialization failed")
+
+    monkeypatch.setattr(cli, "app", broken)
+    assert cli.run(["build", "sphere-950"]) == 1
+    assert capsys.readouterr().err == f"{interrupt.STOPPED}\n"
