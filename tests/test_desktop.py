@@ -216,7 +216,7 @@ def test_a_window_opens_where_there_is_a_screen(screen: str, tmp_path: Path) -> 
             assert process.poll() is None, process.stderr and process.stderr.read()
             assert colours >= 100
         finally:
-            process.terminate()
+            process.kill()  # VTK's loop does not hear a request
 
 
 def test_where_nothing_can_draw_it_says_what_is_missing(tmp_path: Path) -> None:
