@@ -14,8 +14,9 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.embree import TriangleScene
 from raytrace.errors import TraceError
+from raytrace.pieces import Pieces, pieces_of
 from raytrace.surfaces.patches import HeightField, Patches
-from raytrace.surfaces.quadric import TrimmedQuadric
+from raytrace.surfaces.quadric import FEW, Quadrics, TrimmedQuadric
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import Trimming
 
@@ -31,9 +32,7 @@ Colour = tuple[int, int, int]
 OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"
 GLASS_INDEX = 1.52  # float glass, at the helium d line
-START_GRID = 48  # cells a direction of the coarse mesh that Newton starts from
-MIN_IN_SPAN = 3
-SHELL = 2.0  # times the distance between facets and surface: what is between the places looked at is less than twice as much
+OUTLINE_GRID = 48  # cells a direction in which a face is looked at for whether it bulges beyond its rim
 TRIM_CHORD_MM = 1e-5  # of the polygon for a mirror's own outline
 
 
@@ -88,8 +87,8 @@ class TrimmedSurface:
         if self.height_field is not None:
             return points
         u_min, u_max, v_min, v_max = self.trimming.box
-        u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(u_min, u_max, START_GRID + 1),
-                                                     np.linspace(v_min, v_max, START_GRID + 1)))
+        u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(u_min, u_max, OUTLINE_GRID + 1),
+                                                     np.linspace(v_min, v_max, OUTLINE_GRID + 1)))
         bulge = self.evaluate(u, v)[self.trimming.contains(u, v)]
         if len(points):
             low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
@@ -100,45 +99,6 @@ class TrimmedSurface:
         """The same face without its trimming: all of the sheet that it was cut from."""
         u_min, u_max, v_min, v_max = self.surface.domain
         return replace(self, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))
-
-    @cached_property
-    def start_mesh(self) -> tuple[SurfaceMesh, Array]:
-        """Where Newton starts: two coarse meshes, one to either side of the surface by SHELL times what their facets are off
-        it where that was looked at, a little beyond its trimmed part; and the (u, v) of their vertices."""
-        (u_min, u_max, v_min, v_max), domain = self.trimming.box, self.surface.domain
-        beyond_u, beyond_v = 0.02 * (u_max - u_min), 0.02 * (v_max - v_min)
-        u = _start_grid(self.surface.knots_u, max(u_min - beyond_u, domain[0]), min(u_max + beyond_u, domain[1]))
-        v = _start_grid(self.surface.knots_v, max(v_min - beyond_v, domain[2]), min(v_max + beyond_v, domain[3]))
-        d = self.surface.on_grid(u, v)
-        # How far the facets are from the surface: at the middles of the cells and of their sides.
-        coarse = d["s"][::2, ::2]
-        sides = np.concatenate([(0.5 * (coarse[1:] + coarse[:-1]) - d["s"][1::2, ::2]).reshape(-1, 3),
-                                (0.5 * (coarse[:, 1:] + coarse[:, :-1]) - d["s"][::2, 1::2]).reshape(-1, 3),
-                                (0.5 * (coarse[1:, 1:] + coarse[:-1, :-1]) - d["s"][1::2, 1::2]).reshape(-1, 3)])
-        apart = SHELL * float(np.linalg.norm(sides, axis=1).max())
-        across = np.cross(d["u"], d["v"])[::2, ::2]
-        length = np.linalg.norm(across, axis=2, keepdims=True)
-        normal = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
-        uv = np.stack(np.meshgrid(u[::2], v[::2], indexing="ij"), axis=2).reshape(-1, 2)
-        rows, row = len(u[::2]), len(v[::2])
-        corner = np.arange(rows * row).reshape(rows, row)[:-1, :-1].ravel()
-        faces = np.concatenate([np.stack([corner, corner + row, corner + row + 1], axis=1),
-                                np.stack([corner, corner + row + 1, corner + 1], axis=1)]).astype(np.int32)
-        shells = np.concatenate([(coarse + side * apart * normal).reshape(-1, 3) for side in (1.0, -1.0)])
-        return SurfaceMesh(shells, np.concatenate([faces, faces + np.int32(rows * row)])), np.concatenate([uv, uv])
-
-    @cached_property
-    def start_scene(self) -> TriangleScene:
-        """The start meshes in Embree, alone: faces side by side share theirs, and one would hide the other."""
-        return TriangleScene(self.start_mesh[0].vertices, self.start_mesh[0].faces)
-
-
-def _start_grid(knots: Array, low: float, high: float) -> Array:
-    """Twice START_GRID cells or more between low and high, with ends at the knots and as many in every span."""
-    ends = np.concatenate([[low], np.unique(knots[(knots > low) & (knots < high)]), [high]])
-    parts = max(-(-START_GRID // (len(ends) - 1)), MIN_IN_SPAN)
-    inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(2 * parts) / (2 * parts)
-    return np.append(inner.ravel(), high)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,9 +140,19 @@ class Reflector:
         return tuple(surface for surface in self.surfaces if isinstance(surface, TrimmedSurface))
 
     @cached_property
+    def pieces(self) -> Pieces:
+        """What a search of the B-splines goes through. Raises: TraceError for a degree that the kernels do not take."""
+        return pieces_of(self.splines)
+
+    @cached_property
     def quadrics(self) -> tuple[TrimmedQuadric, ...]:
         """Those of the surfaces that are planes, spheres and cylinders."""
         return tuple(surface for surface in self.surfaces if isinstance(surface, TrimmedQuadric))
+
+    @cached_property
+    def quadric_tree(self) -> Quadrics | None:
+        """The quadrics in a tree; None for a few, which are looked at one by one."""
+        return Quadrics.of(self.quadrics) if len(self.quadrics) > FEW else None
 
     @property
     def only(self) -> TrimmedSurface | None:

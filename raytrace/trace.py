@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raytrace import first_hit
 from raytrace.errors import TraceError
 from raytrace.kernels import newton
 from raytrace.parallel import parallel_for
 from raytrace.reflector import Reflector, TrimmedSurface
-from raytrace.surfaces.quadric import TrimmedQuadric
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -22,8 +22,6 @@ Mask = NDArray[np.bool_]
 
 # An obstacle counts as in front of the mirror only by more than its own mesh error.
 OBSTACLE_MARGIN_MM = 0.2
-MAX_CROSSINGS = 400  # start meshes of surfaces that a ray may pass on its way
-STEP_ON = 1e-5  # of a surface's size: how far behind a start mesh a ray goes on; Embree's float32 knows it to 1e-7
 # Rays searched for at once: the working arrays are some 300 bytes a ray.
 SEARCHED = 200_000
 
@@ -167,7 +165,7 @@ def _on_surfaces(reflector: Reflector, eye: Array, rays: Array, out: Trace) -> N
     else, with one."""
     only = reflector.only
     if not reflector.splines:
-        _meet_quadrics(reflector.quadrics, eye, rays, out)
+        _meet_quadrics(reflector, eye, rays, out)
         waiting = np.empty(0, dtype=np.intp)
     elif only is None:
         waiting = np.arange(len(rays))
@@ -196,19 +194,20 @@ def _search(reflector: Reflector, eye: Array, rays: Array) -> Trace:
             field.powers, *field.arguments, field.bottom, field.top, field.bend, only.one_sided, *only.trimming.arguments,
             *arrays), eye, rays, found)
         return found
-    origins, units, valid = _units(eye, rays)
+    _, units, valid = _units(eye, rays)
     if reflector.quadrics:
-        _meet_quadrics(reflector.quadrics, eye, rays, found)
+        _meet_quadrics(reflector, eye, rays, found)
     else:
         found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
         found.drop(np.arange(len(rays)))
-    for surface in reflector.splines:
-        _meet_spline(surface, origins, units, np.flatnonzero(valid), found)
+    first_hit.first_hits(reflector.pieces, eye.ravel(), units.ravel(), valid, found.status, found.points.ravel(),
+                         found.normals.ravel(), found.directions.ravel(), found.distances)
     return found
 
 
-def _meet_quadrics(surfaces: tuple[TrimmedQuadric, ...], eye: Array, rays: Array, found: Trace) -> None:
-    """What rays meet first of some quadrics; results are new."""
+def _meet_quadrics(reflector: Reflector, eye: Array, rays: Array, found: Trace) -> None:
+    """What rays meet first of the quadrics; results are new."""
+    surfaces, tree = reflector.quadrics, reflector.quadric_tree
     origins = eye.ravel()
     finite: Mask = np.asarray(np.isfinite(eye).all(axis=1))
     points, normals, reflected = found.points.ravel(), found.normals.ravel(), found.directions.ravel()
@@ -217,48 +216,15 @@ def _meet_quadrics(surfaces: tuple[TrimmedQuadric, ...], eye: Array, rays: Array
         units, valid, three = np.empty((j - i, 3)), np.empty(j - i, dtype=np.bool_), slice(3 * i, 3 * j)
         newton.unit_directions(rays[i:j], units, valid)
         valid &= finite if len(finite) == 1 else finite[i:j]
+        given = (origins if origins.size == 3 else origins[three], units.ravel(), valid, found.status[i:j], points[three],
+                 normals[three], reflected[three], found.distances[i:j])
+        if tree is not None:
+            tree.meet(*given)
+            return
         for number, surface in enumerate(surfaces):
-            surface.meet(number == 0, origins if origins.size == 3 else origins[three], units.ravel(), valid, found.status[i:j],
-                         points[three], normals[three], reflected[three], found.distances[i:j])
+            surface.meet(number == 0, *given)
 
     parallel_for(work, len(rays))
-
-
-def _meet_spline(surface: TrimmedSurface, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
-    """The same for a B-spline, by Newton from every place where a ray meets its start meshes before what it has met so far.
-
-    Newton may run to a later fold of the surface: the search goes on until the next start mesh lies farther than the place.
-    """
-    mesh, uv = surface.start_mesh
-    passed = np.zeros(len(units))
-    lost = np.zeros(len(units), dtype=np.bool_)
-    # Whether a ray has gone through the start mesh on either side, since Newton first did not converge.
-    one_side, other_side = np.zeros(len(units), dtype=np.bool_), np.zeros(len(units), dtype=np.bool_)
-    for _ in range(MAX_CROSSINGS):
-        hits = surface.start_scene.first_hits(origins[waiting] + passed[waiting, None] * units[waiting], units[waiting])
-        far = passed[waiting] + hits.distance
-        going = (hits.triangle >= 0) & ~(far > found.distances[waiting])
-        waiting, far, triangle = waiting[going], far[going], hits.triangle[going]
-        if waiting.size == 0:
-            break
-        corners = uv[mesh.faces[triangle]]
-        u, v = hits.u[going, None], hits.v[going, None]
-        start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
-        here = Trace.empty(len(waiting))
-        _parametric(surface, np.empty(0), start_uv, origins[waiting], units[waiting], here)
-        met = (here.status == Status.REFLECTED) | (here.status == Status.BEHIND)
-        rows = np.flatnonzero(met & ~(here.distances > found.distances[waiting]))
-        found.take(waiting[rows], Trace(here.status[rows], here.points[rows], here.normals[rows], here.directions[rows],
-                                        here.distances[rows]))
-        lost[waiting] |= here.status == Status.LOST
-        front = triangle < len(mesh.faces) // 2
-        one_side[waiting] ^= lost[waiting] & front
-        other_side[waiting] ^= lost[waiting] & ~front
-        passed[waiting] = far + STEP_ON * surface.patches.extent
-    else:
-        one_side[waiting] = other_side[waiting] = True
-    # A ray that comes and goes by the same side of a face has passed it by; one that goes through has met it.
-    found.status[one_side & other_side & (found.status == Status.MISSED)] = Status.LOST
 
 
 def _parametric(surface: TrimmedSurface, sheet: Array, starts: Array, eye: Array, rays: Array, out: Trace) -> None:
