@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
@@ -11,7 +9,7 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
 from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle, Geom2d_Curve, Geom2d_Line, Geom2d_TrimmedCurve
-from OCP.GeomAbs import GeomAbs_C1, GeomAbs_Cylinder, GeomAbs_Line, GeomAbs_Plane, GeomAbs_Sphere
+from OCP.GeomAbs import GeomAbs_BSplineSurface, GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
 from OCP.gp import gp_Ax22d, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
@@ -20,6 +18,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from mirror_cad.errors import SurfaceError
+from mirror_cad.occt.pcurves import polyline
 from mirror_cad.outline import Arc, Line, Spline
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
@@ -79,9 +78,11 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
     `is_reversed`, S_u × S_v points into the material.
     Raises: SurfaceError where the kernel cannot convert the surface.
     """
-    converter = BRepBuilderAPI_NurbsConvert(face, True)
-    converted = TopoDS.Face_s(converter.Shape())
-    adaptor = BRepAdaptor_Surface(converted, False)
+    converted, adaptor = face, BRepAdaptor_Surface(face, False)
+    # What is a B-spline already is not converted, which costs the kernel as much as all else.
+    if adaptor.GetType() != GeomAbs_BSplineSurface or adaptor.IsUPeriodic() or adaptor.IsVPeriodic():
+        converted = TopoDS.Face_s(BRepBuilderAPI_NurbsConvert(face, True).Shape())
+        adaptor = BRepAdaptor_Surface(converted, False)
     try:
         geom = adaptor.BSpline()  # where the face's location puts it
     except Exception as error:
@@ -107,11 +108,6 @@ def is_reversed(face: TopoDS_Face) -> bool:
     return bool(face.Orientation() == TopAbs_REVERSED)
 
 
-# Trimming polygons stay this close to the pcurves, as a share of the parameter range in either direction.
-LOOP_CHORD = 1e-8
-MAX_CHORDS = 1 << 15  # of a smooth piece of a pcurve
-
-
 def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
     """The wires of a face as closed polygons in its surface's (u, v), (n, 2) each, the first point not repeated.
 
@@ -125,7 +121,7 @@ def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
         points: list[Array] = []
         edges = BRepTools_WireExplorer(TopoDS.Wire_s(wires.Current()), face)
         while edges.More():
-            uv = _polyline(BRepAdaptor_Curve2d(edges.Current(), face), scale)
+            uv = polyline(BRepAdaptor_Curve2d(edges.Current(), face), scale)
             points.append(uv[::-1][:-1] if edges.Current().Orientation() == TopAbs_REVERSED else uv[:-1])
             edges.Next()
         if points:
@@ -134,24 +130,6 @@ def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
     if not loops:
         loops.append(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]))
     return tuple(loops)
-
-
-def _polyline(curve: BRepAdaptor_Curve2d, scale: Array) -> Array:
-    """Points along a pcurve, ends included, whose chords are within LOOP_CHORD of it, each smooth piece halved until then."""
-    ends = TColStd_Array1OfReal(1, curve.NbIntervals(GeomAbs_C1) + 1)
-    curve.Intervals(ends, GeomAbs_C1)
-    pieces = []
-    for start, end in pairwise(list(ends)):
-        chords = 1 if curve.GetType() == GeomAbs_Line else 8
-        while True:
-            t = np.linspace(start, end, 2 * chords + 1)
-            uv = np.array([curve.Value(float(value)).Coord() for value in t])
-            off = np.abs(uv[1::2] - 0.5 * (uv[:-1:2] + uv[2::2])) / scale
-            if off.max() <= LOOP_CHORD or chords >= MAX_CHORDS:
-                break
-            chords *= max(2, min(64, int(np.sqrt(off.max() / LOOP_CHORD))))  # the error falls with the square
-        pieces.append(uv[::2][:-1] if chords == 1 else uv[:-1])
-    return np.concatenate([*pieces, uv[-1:]])
 
 
 def to_pcurve(segment: Line | Arc | Spline) -> Geom2d_Curve:

@@ -19,6 +19,7 @@ HIT, OUTSIDE, BEHIND, LOST, INVALID = 0, 1, 3, 4, 5
 BLOCK = 16  # rays taken at once: each step of the arithmetic is one short loop over them, which becomes vector instructions
 MAX_STEPS = 16
 MAX_STRIPS = 64  # of a trimming polygon that a block as a whole is looked up in
+MANY = 32  # edges in a strip that insertion sorts more slowly than a sort does
 MAX_CELLS = 4  # cells of a B-spline that a block is evaluated on as a whole; a block over more goes ray by ray
 SHALLOWEST = 0.05  # −d_z below which the plane above the sheet is no good place to start from
 # Newton ends where the distance from the surface is rounding: a little more than one of the numbers it is the difference of
@@ -118,14 +119,41 @@ def _in_interior(interior, low, inverse_height, u_low, u_high, v_low, v_high):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
+def into_strips(edges, low, inverse_height, strips):
+    """The first edge of each strip of v (strips + 1,), and the edges in that order: one in each strip that it may touch."""
+    first = np.zeros(strips + 2, dtype=np.int64)
+    ends = np.empty((edges.shape[0], 2), dtype=np.int32)
+    for k in range(edges.shape[0]):
+        # Rounding puts a place between the ends into no strip beside theirs: what `_inside` computes rises with v, too.
+        start = int((min(edges[k, 1], edges[k, 3]) - low) * inverse_height)
+        stop = int((max(edges[k, 1], edges[k, 3]) - low) * inverse_height)
+        ends[k, 0], ends[k, 1] = max(min(start, strips - 1), 0), max(min(stop, strips - 1), 0)
+        for strip in range(ends[k, 0], ends[k, 1] + 1):
+            first[strip + 2] += 1
+    for strip in range(1, strips + 2):
+        first[strip] += first[strip - 1]
+    placed = np.empty((first[strips + 1], 4))
+    for k in range(edges.shape[0]):
+        for strip in range(ends[k, 0], ends[k, 1] + 1):
+            to = first[strip + 1]
+            for c in range(4):
+                placed[to, c] = edges[k, c]
+            first[strip + 1] += 1
+    return first[:strips + 1].copy(), placed
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def interior_spans(first, edges, low, inverse_height, interior):
     """The widest interval of u inside the polygon that no edge enters, in each strip of v; (inf, −inf) for none."""
+    most = 0
+    for strip in range(first.size - 1):
+        most = max(most, first[strip + 1] - first[strip])
+    left, right = np.empty(most), np.empty(most)
     for strip in range(first.size - 1):
         interior[strip, 0], interior[strip, 1] = np.inf, -np.inf
         bottom, top = low + strip / inverse_height, low + (strip + 1) / inverse_height
         count = first[strip + 1] - first[strip]
-        left, right = np.empty(count), np.empty(count)
         for n in range(count):
             u0, v0, u1, v1 = edges[first[strip] + n]
             if v0 > v1:
@@ -135,7 +163,10 @@ def interior_spans(first, edges, low, inverse_height, interior):
             ua = u0 + (a - v0) * (u1 - u0) / (v1 - v0) if v1 > v0 else u0
             ub = u0 + (b - v0) * (u1 - u0) / (v1 - v0) if v1 > v0 else u1
             left[n], right[n] = min(ua, ub), max(ua, ub)
-        for n in range(1, count):  # sorted by insertion: there are a handful
+        if count > MANY:
+            order = np.argsort(left[:count])
+            left[:count], right[:count] = left[:count][order], right[:count][order]
+        for n in range(1, count):  # sorted by insertion: there are a handful, or they are in order
             for k in range(n, 0, -1):
                 if left[k] >= left[k - 1]:
                     break

@@ -9,15 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.bspline import BSplineSurface
-from raytrace.embree import TriangleScene
 from raytrace.errors import TraceError
-from raytrace.kernels import newton
+from raytrace.kernels import first_hit, newton
 from raytrace.parallel import parallel_for
-from raytrace.rays import Index, Rays, Status, Trace
+from raytrace.rays import Rays, Status, Trace
 from raytrace.surfaces.base import BoundedFace, grid_points, no_inset
 from raytrace.surfaces.inset import moved_inwards
+from raytrace.surfaces.pieces import Pieces, pieces_of
 from raytrace.surfaces.polynomials import HeightField, Patches, is_graph
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import Trimming
@@ -25,11 +24,7 @@ from raytrace.surfaces.trimming import Trimming
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
-START_GRID = 48  # cells a direction of the coarse mesh that Newton starts from
-MIN_IN_SPAN = 3
-SHELL = 2.0  # times the distance between facets and surface: what is between the places looked at is less than twice as much
-MAX_CROSSINGS = 400  # start meshes of surfaces that a ray may pass on its way
-STEP_ON = 1e-5  # of a surface's size: how far behind a start mesh a ray goes on; Embree's float32 knows it to 1e-7
+OUTLINE_GRID = 48  # cells a direction in which a face is looked at for whether it bulges beyond its rim
 WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
 # How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
 # the sheet goes on beyond. 1e-12 rad of the reflected ray.
@@ -94,8 +89,8 @@ class BSplineFace(BoundedFace):
         if self.height_field is not None:
             return points
         u_min, u_max, v_min, v_max = self.trimming.box
-        u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(u_min, u_max, START_GRID + 1),
-                                                     np.linspace(v_min, v_max, START_GRID + 1)))
+        u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(u_min, u_max, OUTLINE_GRID + 1),
+                                                     np.linspace(v_min, v_max, OUTLINE_GRID + 1)))
         bulge = self.evaluate(u, v)[self.trimming.contains(u, v)]
         if len(points):
             low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
@@ -112,35 +107,9 @@ class BSplineFace(BoundedFace):
         return replace(self, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))
 
     @cached_property
-    def start_mesh(self) -> tuple[SurfaceMesh, Array]:
-        """Where Newton starts: two coarse meshes, one to either side of the surface by SHELL times what their facets are off
-        it where that was looked at, a little beyond its trimmed part; and the (u, v) of their vertices."""
-        (u_min, u_max, v_min, v_max), domain = self.trimming.box, self.surface.domain
-        beyond_u, beyond_v = 0.02 * (u_max - u_min), 0.02 * (v_max - v_min)
-        u = _start_grid(self.surface.knots_u, max(u_min - beyond_u, domain[0]), min(u_max + beyond_u, domain[1]))
-        v = _start_grid(self.surface.knots_v, max(v_min - beyond_v, domain[2]), min(v_max + beyond_v, domain[3]))
-        d = self.surface.on_grid(u, v)
-        # How far the facets are from the surface: at the middles of the cells and of their sides.
-        coarse = d["s"][::2, ::2]
-        sides = np.concatenate([(0.5 * (coarse[1:] + coarse[:-1]) - d["s"][1::2, ::2]).reshape(-1, 3),
-                                (0.5 * (coarse[:, 1:] + coarse[:, :-1]) - d["s"][::2, 1::2]).reshape(-1, 3),
-                                (0.5 * (coarse[1:, 1:] + coarse[:-1, :-1]) - d["s"][1::2, 1::2]).reshape(-1, 3)])
-        apart = SHELL * float(np.linalg.norm(sides, axis=1).max())
-        across = np.cross(d["u"], d["v"])[::2, ::2]
-        length = np.linalg.norm(across, axis=2, keepdims=True)
-        normal = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
-        uv = np.stack(np.meshgrid(u[::2], v[::2], indexing="ij"), axis=2).reshape(-1, 2)
-        rows, row = len(u[::2]), len(v[::2])
-        corner = np.arange(rows * row).reshape(rows, row)[:-1, :-1].ravel()
-        faces = np.concatenate([np.stack([corner, corner + row, corner + row + 1], axis=1),
-                                np.stack([corner, corner + row + 1, corner + 1], axis=1)]).astype(np.int32)
-        shells = np.concatenate([(coarse + side * apart * normal).reshape(-1, 3) for side in (1.0, -1.0)])
-        return SurfaceMesh(shells, np.concatenate([faces, faces + np.int32(rows * row)])), np.concatenate([uv, uv])
-
-    @cached_property
-    def start_scene(self) -> TriangleScene:
-        """The start meshes in Embree, alone: faces side by side share theirs, and one would hide the other."""
-        return TriangleScene(self.start_mesh[0].vertices, self.start_mesh[0].faces)
+    def pieces(self) -> Pieces:
+        """What a search goes through. Raises: TraceError for a degree that the kernels do not take."""
+        return pieces_of((self,))
 
     # --- tracing ------------------------------------------------------------------------------------------------------
 
@@ -167,47 +136,8 @@ class BSplineFace(BoundedFace):
                 field.powers, *field.arguments, field.bottom, field.top, field.bend, self.one_sided,
                 *self.trimming.arguments, *arrays), rays, found)
             return found
-        origins, units, valid = rays.units()
-        found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
-        found.invalidate(np.arange(len(rays)))
-        self.meet_nearer(origins, units, np.flatnonzero(valid), found)
+        search_pieces(self.pieces, rays, found)
         return found
-
-    def meet_nearer(self, origins: Array, units: Array, waiting: Index, found: Trace) -> None:
-        """Where rays meet it before what they have met so far: Newton from every place where they meet its start meshes.
-
-        Newton may run to a later fold of the surface: the search goes on until the next start mesh lies farther than the place.
-        """
-        mesh, uv = self.start_mesh
-        passed = np.zeros(len(units))
-        lost = np.zeros(len(units), dtype=np.bool_)
-        # Whether a ray has gone through the start mesh on either side, since Newton first did not converge.
-        one_side, other_side = np.zeros(len(units), dtype=np.bool_), np.zeros(len(units), dtype=np.bool_)
-        for _ in range(MAX_CROSSINGS):
-            hits = self.start_scene.first_hits(origins[waiting] + passed[waiting, None] * units[waiting], units[waiting])
-            far = passed[waiting] + hits.distance
-            going = (hits.triangle >= 0) & ~(far > found.distances[waiting])
-            waiting, far, triangle = waiting[going], far[going], hits.triangle[going]
-            if waiting.size == 0:
-                break
-            corners = uv[mesh.faces[triangle]]
-            u, v = hits.u[going, None], hits.v[going, None]
-            start_uv = (1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
-            here = Trace.empty(len(waiting))
-            self._parametric_hits(np.empty(0), start_uv, Rays(origins[waiting], units[waiting]), here)
-            met = (here.status == Status.REFLECTED) | (here.status == Status.BEHIND)
-            rows = np.flatnonzero(met & ~(here.distances > found.distances[waiting]))
-            found.scatter(waiting[rows], Trace(here.status[rows], here.points[rows], here.normals[rows], here.directions[rows],
-                                            here.distances[rows]))
-            lost[waiting] |= here.status == Status.LOST
-            front = triangle < len(mesh.faces) // 2
-            one_side[waiting] ^= lost[waiting] & front
-            other_side[waiting] ^= lost[waiting] & ~front
-            passed[waiting] = far + STEP_ON * self.patches.extent
-        else:
-            one_side[waiting] = other_side[waiting] = True
-        # A ray that comes and goes by the same side of a face has passed it by; one that goes through has met it.
-        found.status[one_side & other_side & (found.status == Status.MISSED)] = Status.LOST
 
     def _parametric_hits(self, sheet: Array, starts: Array, rays: Rays, out: Trace) -> None:
         patches, flat = self.patches, starts.ravel()
@@ -278,12 +208,17 @@ def reflected_from_graph(eye: Array, x: Array, y: Array, z: Array, z_x: Array, z
     return points, ray - 2.0 * np.einsum("ij,ij->i", ray, normal)[:, None] * normal
 
 
-def _start_grid(knots: Array, low: float, high: float) -> Array:
-    """Twice START_GRID cells or more between low and high, with ends at the knots and as many in every span."""
-    ends = np.concatenate([[low], np.unique(knots[(knots > low) & (knots < high)]), [high]])
-    parts = max(-(-START_GRID // (len(ends) - 1)), MIN_IN_SPAN)
-    inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(2 * parts) / (2 * parts)
-    return np.append(inner.ravel(), high)
+def search_pieces(pieces: Pieces, rays: Rays, found: Trace, begun: bool = False) -> None:
+    """The first point that each ray meets of B-splines, by a search that starts nowhere.
+
+    begun : whether `found` holds what has been met of other surfaces, which stays where it is nearer; else results are new.
+    """
+    _, units, valid = rays.units()
+    if not begun:
+        found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
+        found.invalidate(np.arange(len(rays)))
+    first_hit.first_hits(pieces, rays.origins.ravel(), units.ravel(), valid, found.status, found.points.ravel(),
+                         found.normals.ravel(), found.directions.ravel(), found.distances)
 
 
 def _run(kernel: Callable[..., None], rays: Rays, out: Trace, ends: bool = False) -> None:

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.rays import Rays, Status, Trace
+from raytrace.rays import Rays, Trace
 from raytrace.surfaces.base import BoundedFace, OpticalSurface
-from raytrace.surfaces.bspline import BSplineFace
-from raytrace.surfaces.quadric import QuadricFace, first_of_quadrics
+from raytrace.surfaces.bspline import BSplineFace, search_pieces
+from raytrace.surfaces.pieces import Pieces, pieces_of
+from raytrace.surfaces.quadric import FEW, QuadricFace, Quadrics, first_of_quadrics
 
 Array = NDArray[np.float64]
 Face = BSplineFace | QuadricFace
@@ -35,25 +36,27 @@ class FaceSet(OpticalSurface):
         """All of them."""
         return (*self.splines, *self.quadrics)
 
+    @cached_property
+    def pieces(self) -> Pieces:
+        """What a search of the B-splines goes through. Raises: TraceError for a degree that the kernels do not take."""
+        return pieces_of(self.splines)
+
+    @cached_property
+    def quadric_tree(self) -> Quadrics | None:
+        """The quadrics in a tree; None for a few, which are looked at one by one."""
+        return Quadrics.of(self.quadrics) if len(self.quadrics) > FEW else None
+
     def first_hits(self, rays: Rays, out: Trace) -> None:
-        """Quadrics in closed form, then what each B-spline gives that is nearer. See `OpticalSurface`."""
+        """Quadrics in closed form, then what the B-splines give that is nearer. See `OpticalSurface`."""
         if not self.splines:
-            first_of_quadrics(self.quadrics, rays, out)
+            first_of_quadrics(self.quadrics, self.quadric_tree, rays, out)
             return
         for part, some in rays.in_parts(np.arange(len(rays))):
-            out.scatter(part, self._search(some))
-
-    def _search(self, rays: Rays) -> Trace:
-        found = Trace.empty(len(rays))
-        origins, units, valid = rays.units()
-        if self.quadrics:
-            first_of_quadrics(self.quadrics, rays, found)
-        else:
-            found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
-            found.invalidate(np.arange(len(rays)))
-        for face in self.splines:
-            face.meet_nearer(origins, units, np.flatnonzero(valid), found)
-        return found
+            found = Trace.empty(len(some))
+            if self.quadrics:
+                first_of_quadrics(self.quadrics, self.quadric_tree, some, found)
+            search_pieces(self.pieces, some, found, begun=bool(self.quadrics))
+            out.scatter(part, found)
 
     @property
     def bounding_faces(self) -> tuple[BoundedFace, ...]:

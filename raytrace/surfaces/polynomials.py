@@ -105,12 +105,7 @@ class Patches:
     @staticmethod
     def of(surface: BSplineSurface) -> Patches | None:
         """None where the degree is above 25."""
-        centre = 0.5 * (surface.poles.min(axis=(0, 1)) + surface.poles.max(axis=(0, 1)))
-        poles = surface.poles - centre
-        extent = float(np.abs(poles).max())
-        if surface.weights is not None:
-            weights = surface.weights[..., None]
-            poles = np.concatenate([poles * weights, weights], axis=2)
+        centre, extent, poles = _homogeneous(surface)
         cells = _cells(surface, poles)
         if cells is None:
             return None
@@ -124,13 +119,55 @@ class Patches:
                 self.centre, self.extent)
 
 
-def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, Array, Array, Array, Index, Index] | None:
-    """Powers, flat coefficients, ends, middles and lookups of Σ N_i·N_j·values_ij, values (n_u, n_v, parts); None where it
-    has none."""
+@dataclass(frozen=True, slots=True, eq=False)
+class PolynomialCells:
+    """A B-spline surface as polynomials about the middle of each cell of its knots, in coordinates about `centre` (3,), mm.
+
+    coefficients (u spans, v spans, parts, degree u + 1, degree v + 1), highest powers first; parts are 3 coordinates, or 4
+    homogeneous ones.   ends_u, ends_v, middle_u, middle_v : of the spans.   extent : largest size of a coordinate, mm.
+    """
+
+    coefficients: Array
+    ends_u: Array
+    ends_v: Array
+    middle_u: Array
+    middle_v: Array
+    centre: Array
+    extent: float
+
+
+def polynomial_cells(surface: BSplineSurface) -> PolynomialCells | None:
+    """The cells of any B-spline surface; None where its degree is above 25."""
+    if max(surface.degree_u, surface.degree_v) >= PADDED_POWERS[-1]:
+        return None
+    centre, extent, poles = _homogeneous(surface)
+    ends_u, ends_v = _cuts(surface.knots_u, surface.degree_u), _cuts(surface.knots_v, surface.degree_v)
+    return PolynomialCells(_coefficients(surface, poles), ends_u, ends_v, _middles(ends_u), _middles(ends_v), centre, extent)
+
+
+def _homogeneous(surface: BSplineSurface) -> tuple[Array, float, Array]:
+    """The middle of the poles' box, their largest coordinate about it, and the poles about it, times and with the weights."""
+    centre = 0.5 * (surface.poles.min(axis=(0, 1)) + surface.poles.max(axis=(0, 1)))
+    poles = surface.poles - centre
+    extent = float(np.abs(poles).max())
+    if surface.weights is not None:
+        weights = surface.weights[..., None]
+        poles = np.concatenate([poles * weights, weights], axis=2)
+    return centre, extent, poles
+
+
+def _coefficients(surface: BSplineSurface, values: Array) -> Array:
+    """Of Σ N_i·N_j·values_ij, values (n_u, n_v, parts): (u spans, v spans, parts, degree u + 1, degree v + 1)."""
     # (u spans, p + 1, n_v, parts), then (v spans, q + 1, u spans, p + 1, parts)
     along_u = _power_form(surface.knots_u, values.astype(np.longdouble), surface.degree_u)
     both = _power_form(surface.knots_v, np.moveaxis(along_u, 2, 0), surface.degree_v)
-    coefficients = both.transpose(2, 0, 4, 3, 1).astype(np.float64)
+    return np.ascontiguousarray(both.transpose(2, 0, 4, 3, 1).astype(np.float64))
+
+
+def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, Array, Array, Array, Index, Index] | None:
+    """Powers, flat coefficients, ends, middles and lookups of Σ N_i·N_j·values_ij, values (n_u, n_v, parts); None where it
+    has none."""
+    coefficients = _coefficients(surface, values)
     powers = next((n for n in PADDED_POWERS if n >= max(coefficients.shape[3:])), None)
     cuts = _cuts(surface.knots_u, surface.degree_u), _cuts(surface.knots_v, surface.degree_v)
     lookup_u, lookup_v = _lookup(cuts[0]), _lookup(cuts[1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,6 +15,7 @@ from raytrace.kernels import newton
 from raytrace.parallel import parallel_for
 from raytrace.rays import Mask, Rays, Trace
 from raytrace.surfaces.base import BoundedFace
+from raytrace.surfaces.pieces import BOX_MARGIN, tree_of
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import STRIPS, Trimming
 
@@ -24,6 +26,8 @@ SEAM = 1e-9  # radians beside a seam or pole; loops of other programs miss these
 # Edges that run along u crowd into few strips: where rays are looked at one by one, narrow ones are worth their memory.
 MAX_STRIPS = 1 << 16
 EQUATOR = 256  # points on it
+FEW = 8  # quadrics that are looked at one by one sooner than by their tree
+NODES = 128  # of the tree that wait; it is less deep than that
 PLANE, SPHERE, CYLINDER = range(3)
 KINDS = {"plane": PLANE, "sphere": SPHERE, "cylinder": CYLINDER}
 # As numbers of this file: numba's cache does not notice a change in another one (newton.py keeps them as well).
@@ -102,7 +106,7 @@ class QuadricFace(BoundedFace):
         return self.quadric.evaluate(u, v)
 
     def first_hits(self, rays: Rays, out: Trace) -> None:
-        first_of_quadrics((self,), rays, out)
+        first_of_quadrics((self,), None, rays, out)
 
     # --- tracing ------------------------------------------------------------------------------------------------------
 
@@ -119,8 +123,8 @@ class QuadricFace(BoundedFace):
               status, points, normals, reflected, distances)
 
 
-def first_of_quadrics(faces: tuple[QuadricFace, ...], rays: Rays, out: Trace) -> None:
-    """What rays meet first of some quadrics; results are new."""
+def first_of_quadrics(faces: tuple[QuadricFace, ...], tree: Quadrics | None, rays: Rays, out: Trace) -> None:
+    """What rays meet first of some quadrics, by the tree of many or one by one; results are new."""
     origins, directions = rays.origins.ravel(), rays.directions
     finite: Mask = np.asarray(np.isfinite(rays.origins).all(axis=1))
     points, normals, reflected = out.points.ravel(), out.normals.ravel(), out.directions.ravel()
@@ -129,9 +133,13 @@ def first_of_quadrics(faces: tuple[QuadricFace, ...], rays: Rays, out: Trace) ->
         units, valid, three = np.empty((j - i, 3)), np.empty(j - i, dtype=np.bool_), slice(3 * i, 3 * j)
         newton.unit_directions(directions[i:j], units, valid)
         valid &= finite if len(finite) == 1 else finite[i:j]
+        given = (origins if origins.size == 3 else origins[three], units.ravel(), valid, out.status[i:j], points[three],
+                 normals[three], reflected[three], out.distances[i:j])
+        if tree is not None:
+            tree.meet(*given)
+            return
         for number, face in enumerate(faces):
-            face.meet(number == 0, origins if origins.size == 3 else origins[three], units.ravel(), valid, out.status[i:j],
-                      points[three], normals[three], reflected[three], out.distances[i:j])
+            face.meet(number == 0, *given)
 
     parallel_for(work, len(rays))
 
@@ -195,63 +203,196 @@ def _roots(kind, radius, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def
     return min(near, far), max(near, far)
 
 
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _meet_one(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low, inverse_height, interior, u_low,  # type: ignore[no-untyped-def]
+              u_high, n, origins, units, status, points, normals, reflected, distances):
+    """What ray n meets of one quadric, into its results where it is nearer than what stands there."""
+    k = 3 * n
+    o = 0 if origins.size == 3 else k
+    x_x, x_y, x_z = axes[0, 0], axes[0, 1], axes[0, 2]
+    y_x, y_y, y_z = axes[1, 0], axes[1, 1], axes[1, 2]
+    z_x, z_y, z_z = axes[2, 0], axes[2, 1], axes[2, 2]
+    px, py, pz = origins[o] - centre[0], origins[o + 1] - centre[1], origins[o + 2] - centre[2]
+    ex, ey, ez = units[k], units[k + 1], units[k + 2]
+    ox, oy, oz = x_x * px + x_y * py + x_z * pz, y_x * px + y_y * py + y_z * pz, z_x * px + z_y * py + z_z * pz
+    dx, dy, dz = x_x * ex + x_y * ey + x_z * ez, y_x * ex + y_y * ey + y_z * ez, z_x * ex + z_y * ey + z_z * ez
+    nearer, farther = _roots(kind, radius, ox, oy, oz, dx, dy, dz)
+    for root in range(2):
+        t = nearer if root == 0 else farther
+        # A NaN, a ray without this root, passes no comparison; one that has met nothing has met it at NaN.
+        if not t > NEAREST_MM or t >= distances[n]:
+            continue
+        # Brought onto the quadric: place (qx, qy, qz), its outer normal (mx, my, mz), and its parameters.
+        qx, qy, qz = ox + t * dx, oy + t * dy, oz + t * dz
+        if kind == PLANE:
+            mx, my, mz, qz, u, v = 0.0, 0.0, 1.0, 0.0, qx, qy
+        elif kind == SPHERE:
+            length = np.sqrt(qx * qx + qy * qy + qz * qz)
+            mx, my, mz = qx / length, qy / length, qz / length
+            u, v = np.arctan2(qy, qx), np.arctan2(qz, np.sqrt(qx * qx + qy * qy))
+            qx, qy, qz = radius * mx, radius * my, radius * mz
+        else:
+            length = np.sqrt(qx * qx + qy * qy)
+            mx, my, mz = qx / length, qy / length, 0.0
+            u, v = np.arctan2(qy, qx), qz
+            qx, qy = radius * mx, radius * my
+        if not _on_face(kind, first_edge, edges, low, inverse_height, interior, u_low, u_high, u, v):
+            continue
+        distances[n] = t
+        nx, ny, nz = x_x * mx + y_x * my + z_x * mz, x_y * mx + y_y * my + z_y * mz, x_z * mx + y_z * my + z_z * mz
+        along = outward * (ex * nx + ey * ny + ez * nz)
+        if one_sided and along >= 0.0:
+            status[n] = BEHIND
+            for c in range(k, k + 3):
+                points[c] = normals[c] = reflected[c] = np.nan
+            break
+        side = -outward if along > 0.0 else outward
+        nx, ny, nz = side * nx, side * ny, side * nz
+        twice = 2.0 * abs(along)
+        status[n] = REFLECTED
+        points[k] = centre[0] + x_x * qx + y_x * qy + z_x * qz
+        points[k + 1] = centre[1] + x_y * qx + y_y * qy + z_y * qz
+        points[k + 2] = centre[2] + x_z * qx + y_z * qy + z_z * qz
+        normals[k], normals[k + 1], normals[k + 2] = nx, ny, nz
+        reflected[k], reflected[k + 1], reflected[k + 2] = ex + twice * nx, ey + twice * ny, ez + twice * nz
+        break
+
+
+@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+def _begin(valid, status, points, normals, reflected, distances):  # type: ignore[no-untyped-def]
+    """Results of rays that have met nothing."""
+    for n in range(status.size):
+        status[n], distances[n] = (MISSED if valid[n] else INVALID), np.nan
+        for c in range(3 * n, 3 * n + 3):
+            points[c] = normals[c] = reflected[c] = np.nan
+
+
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 def _meet(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low, inverse_height, interior, u_low,  # type: ignore[no-untyped-def]
           u_high, first, origins, units, valid, status, points, normals, reflected, distances):
     """`QuadricFace.meet`; outward : 1 or −1, whether the quadric's own outer side is that of the face."""
-    x_x, x_y, x_z = axes[0, 0], axes[0, 1], axes[0, 2]
-    y_x, y_y, y_z = axes[1, 0], axes[1, 1], axes[1, 2]
-    z_x, z_y, z_z = axes[2, 0], axes[2, 1], axes[2, 2]
+    if first:
+        _begin(valid, status, points, normals, reflected, distances)
     for n in range(status.size):
-        k = 3 * n
-        o = 0 if origins.size == 3 else k
-        if first:
-            status[n], distances[n] = (MISSED if valid[n] else INVALID), np.nan
-            for c in range(k, k + 3):
-                points[c] = normals[c] = reflected[c] = np.nan
+        if valid[n]:
+            _meet_one(kind, radius, centre, axes, outward, one_sided, first_edge, edges, low, inverse_height, interior, u_low,
+                      u_high, n, origins, units, status, points, normals, reflected, distances)
+
+
+# --- many of them -----------------------------------------------------------------------------------------------------
+
+
+class Quadrics(NamedTuple):
+    """Many trimmed quadrics, in the order of their tree's leaves, as the kernel takes them.
+
+    tree_boxes, tree_links : see `raytrace.surfaces.pieces.Tree`.   boxes (f, 6) mm.   counts (f, 6) : kind, one_sided, where
+    the strips of the trimming begin and end, and its edges.   sizes (f, 18) : radius, outward, the trimming's low, inverse height,
+    u_min, u_max, then centre and axes.   first, edges, interior : of the trimmings, one after the other.
+    """
+
+    tree_boxes: Array
+    tree_links: NDArray[np.int64]
+    boxes: Array
+    counts: NDArray[np.int64]
+    sizes: Array
+    first: NDArray[np.int64]
+    edges: Array
+    interior: Array
+
+    @staticmethod
+    def of(surfaces: tuple[QuadricFace, ...]) -> Quadrics:
+        """Of one or more."""
+        boxes = np.array([_box(surface) for surface in surfaces])
+        tree, order = tree_of(boxes, 1)
+        taken = [surfaces[k] for k in order]
+        strips = np.cumsum([0, *(len(each.trimming.interior_spans) for each in taken)])
+        ends = np.cumsum([0, *(len(each.trimming.edges) for each in taken)])
+        counts = np.array([[KINDS[each.quadric.kind], int(each.one_sided), strips[k], strips[k + 1], ends[k], ends[k + 1]]
+                           for k, each in enumerate(taken)], dtype=np.int64)
+        sizes = np.array([[each.quadric.radius_mm, each._outward, *each.trimming.arguments[2:], *each.trimming.box[:2],
+                           *each.quadric.centre, *each.quadric.axes.ravel()] for each in taken])
+        # Of each trimming without its last number, where the next begins: one array of all has that of the last alone.
+        return Quadrics(*tree, boxes[order], counts, sizes, np.concatenate([each.trimming.first for each in taken]),
+                        np.concatenate([each.trimming.edges for each in taken]),
+                        np.concatenate([each.trimming.interior_spans for each in taken]))
+
+    def meet(self, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8], points: Array,
+             normals: Array, reflected: Array, distances: Array) -> None:
+        """`QuadricFace.meet` for the first of all of them; results are new."""
+        _meet_tree(*self, np.empty(NODES, dtype=np.int64), np.empty(NODES), origins, units, valid, status, points, normals,
+                   reflected, distances)
+
+
+def _box(surface: QuadricFace) -> Array:
+    """Lows and highs in x, y, z of what lies between the ends of its loops in u and v."""
+    quadric, (u_min, u_max, v_min, v_max) = surface.quadric, surface.trimming.box
+    u, v = np.array([u_min, u_max]), np.array([v_min, v_max])
+    if quadric.kind == "cylinder":
+        u = _with_extremes(u_min, u_max, quadric.axes[0], quadric.axes[1])
+    if quadric.kind == "sphere":
+        # Where a coordinate is largest along v depends on u: the whole sphere's box is near enough.
+        reach = quadric.radius_mm + BOX_MARGIN * (quadric.radius_mm + float(np.abs(quadric.centre).max()))
+        return np.concatenate([quadric.centre - reach, quadric.centre + reach])
+    points = quadric.evaluate(*(grid.ravel() for grid in np.meshgrid(u, v)))
+    margin = BOX_MARGIN * float(np.abs(points).max())
+    return np.concatenate([points.min(axis=0) - margin, points.max(axis=0) + margin])
+
+
+def _with_extremes(low: float, high: float, x: Array, y: Array) -> Array:
+    """The ends of an interval of angles, and those angles in it where a coordinate of cos u·X + sin u·Y is extreme."""
+    turns = np.arange(np.floor(low / np.pi) - 1.0, np.ceil(high / np.pi) + 1.0) * np.pi
+    extremes = (np.arctan2(y, x)[:, None] + turns).ravel()
+    return np.concatenate([[low, high], extremes[(extremes > low) & (extremes < high)]])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _entered(boxes, k, ox, oy, oz, ix, iy, iz, farthest):  # type: ignore[no-untyped-def]
+    """Distance at which a ray enters a box, as in first_hit.py; inf where it does not before `farthest`."""
+    a, b = (boxes[k, 0] - ox) * ix, (boxes[k, 3] - ox) * ix
+    near, far = min(a, b), max(a, b)
+    a, b = (boxes[k, 1] - oy) * iy, (boxes[k, 4] - oy) * iy
+    near, far = max(near, min(a, b)), min(far, max(a, b))
+    a, b = (boxes[k, 2] - oz) * iz, (boxes[k, 5] - oz) * iz
+    near, far = max(near, min(a, b)), min(far, max(a, b))
+    return near if near <= far and far > 0.0 and near < farthest else np.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+def _meet_tree(nodes, links, boxes, counts, sizes, firsts, edges, interior, stack, entries, origins, units, valid,  # type: ignore[no-untyped-def]
+               status, points, normals, reflected, distances):
+    """`Quadrics.meet`: the nearer of two boxes first, none that begins beyond what has been met."""
+    _begin(valid, status, points, normals, reflected, distances)
+    for n in range(status.size):
         if not valid[n]:
             continue
-        px, py, pz = origins[o] - centre[0], origins[o + 1] - centre[1], origins[o + 2] - centre[2]
-        ex, ey, ez = units[k], units[k + 1], units[k + 2]
-        ox, oy, oz = x_x * px + x_y * py + x_z * pz, y_x * px + y_y * py + y_z * pz, z_x * px + z_y * py + z_z * pz
-        dx, dy, dz = x_x * ex + x_y * ey + x_z * ez, y_x * ex + y_y * ey + y_z * ez, z_x * ex + z_y * ey + z_z * ez
-        nearer, farther = _roots(kind, radius, ox, oy, oz, dx, dy, dz)
-        for root in range(2):
-            t = nearer if root == 0 else farther
-            # A NaN, a ray without this root, passes no comparison; one that has met nothing has met it at NaN.
-            if not t > NEAREST_MM or t >= distances[n]:
+        k, o = 3 * n, 0 if origins.size == 3 else 3 * n
+        ox, oy, oz = origins[o], origins[o + 1], origins[o + 2]
+        ix = 1.0 / (units[k] if abs(units[k]) > 1e-200 else 1e-200)
+        iy = 1.0 / (units[k + 1] if abs(units[k + 1]) > 1e-200 else 1e-200)
+        iz = 1.0 / (units[k + 2] if abs(units[k + 2]) > 1e-200 else 1e-200)
+        stack[0], entries[0] = 0, _entered(nodes, 0, ox, oy, oz, ix, iy, iz, np.inf)
+        left = 1 if entries[0] < np.inf else 0
+        while left > 0:
+            left -= 1
+            if entries[left] >= distances[n]:  # never where nothing has been met
                 continue
-            # Brought onto the quadric: place (qx, qy, qz), its outer normal (mx, my, mz), and its parameters.
-            qx, qy, qz = ox + t * dx, oy + t * dy, oz + t * dz
-            if kind == PLANE:
-                mx, my, mz, qz, u, v = 0.0, 0.0, 1.0, 0.0, qx, qy
-            elif kind == SPHERE:
-                length = np.sqrt(qx * qx + qy * qy + qz * qz)
-                mx, my, mz = qx / length, qy / length, qz / length
-                u, v = np.arctan2(qy, qx), np.arctan2(qz, np.sqrt(qx * qx + qy * qy))
-                qx, qy, qz = radius * mx, radius * my, radius * mz
-            else:
-                length = np.sqrt(qx * qx + qy * qy)
-                mx, my, mz = qx / length, qy / length, 0.0
-                u, v = np.arctan2(qy, qx), qz
-                qx, qy = radius * mx, radius * my
-            if not _on_face(kind, first_edge, edges, low, inverse_height, interior, u_low, u_high, u, v):
+            child, size = links[stack[left], 0], links[stack[left], 1]
+            if size > 0:
+                for f in range(child, child + size):
+                    a, b = counts[f, 2], counts[f, 3]
+                    # A trimming has one more first edge than strips, and f of them stand before this one.
+                    _meet_one(counts[f, 0], sizes[f, 0], sizes[f, 6:9], sizes[f, 9:18].reshape(3, 3), sizes[f, 1],
+                              counts[f, 1] != 0, firsts[a + f:b + f + 1], edges[counts[f, 4]:counts[f, 5]], sizes[f, 2],
+                              sizes[f, 3], interior[a:b], sizes[f, 4], sizes[f, 5], n, origins, units, status, points, normals,
+                              reflected, distances)
                 continue
-            distances[n] = t
-            nx, ny, nz = x_x * mx + y_x * my + z_x * mz, x_y * mx + y_y * my + z_y * mz, x_z * mx + y_z * my + z_z * mz
-            along = outward * (ex * nx + ey * ny + ez * nz)
-            if one_sided and along >= 0.0:
-                status[n] = BEHIND
-                for c in range(k, k + 3):
-                    points[c] = normals[c] = reflected[c] = np.nan
-                break
-            side = -outward if along > 0.0 else outward
-            nx, ny, nz = side * nx, side * ny, side * nz
-            twice = 2.0 * abs(along)
-            status[n] = REFLECTED
-            points[k] = centre[0] + x_x * qx + y_x * qy + z_x * qz
-            points[k + 1] = centre[1] + x_y * qx + y_y * qy + z_y * qz
-            points[k + 2] = centre[2] + x_z * qx + y_z * qy + z_z * qz
-            normals[k], normals[k + 1], normals[k + 2] = nx, ny, nz
-            reflected[k], reflected[k + 1], reflected[k + 2] = ex + twice * nx, ey + twice * ny, ez + twice * nz
-            break
+            farthest = distances[n] if distances[n] < np.inf else np.inf
+            one = _entered(nodes, child, ox, oy, oz, ix, iy, iz, farthest)
+            other = _entered(nodes, child + 1, ox, oy, oz, ix, iy, iz, farthest)
+            nearer = 0 if one <= other else 1
+            for turn in range(2):  # the nearer one is taken first, so put last
+                which = 1 - nearer if turn == 0 else nearer
+                entry = other if which == 1 else one
+                if entry < np.inf:
+                    stack[left], entries[left] = child + which, entry
+                    left += 1

@@ -36,15 +36,8 @@ class Trimming:
         edges = np.concatenate([np.hstack([loop, np.roll(loop, -1, axis=0)]) for loop in loops])
         low, high = float(edges[:, 1].min()), float(edges[:, 1].max())
         inverse = strips / (high - low) if high > low else 1.0
-        # One strip more on each side: rounding may put a place into the next.
-        start = np.clip(((np.minimum(edges[:, 1], edges[:, 3]) - low) * inverse).astype(np.int64) - 1, 0, strips - 1)
-        stop = np.clip(((np.maximum(edges[:, 1], edges[:, 3]) - low) * inverse).astype(np.int64) + 1, 0, strips - 1)
-        counts = stop - start + 1
-        owner = np.repeat(np.arange(len(edges)), counts)
-        strip = np.repeat(start, counts) + np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        order = np.argsort(strip, kind="stable")
-        first = np.concatenate([[0], np.cumsum(np.bincount(strip, minlength=strips))])
-        sorted_edges, spans = np.ascontiguousarray(edges[owner[order]]), np.empty((strips, 2))
+        first, sorted_edges = newton.into_strips(edges, low, inverse, strips)
+        spans = np.empty((strips, 2))
         newton.interior_spans(first, sorted_edges, low, inverse, spans)
         return Trimming(first, sorted_edges, low, inverse, spans,
                         (float(edges[:, 0].min()), float(edges[:, 0].max()), low, high))
