@@ -239,6 +239,12 @@ class Reflector:
             return False
         return bool((z <= self.only.surface.evaluate(x, y)[:, 2] + OBSTACLE_DEFLECTION_MM).all())
 
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """The lowest and the highest coordinates of its outline, (3,) each, mm."""
+        points = self.outline()
+        return points.min(axis=0), points.max(axis=0)
+
     def outline(self) -> Array:
         """Points (n, 3) mm of what reflects: its vertices or the edges of its faces."""
         if self.mesh is not None:

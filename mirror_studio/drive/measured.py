@@ -32,15 +32,22 @@ from raytrace.measures.ground import (
     seen_widths,
 )
 from raytrace.measures.lane import StraightLane, lane_straightness
-from raytrace.measures.line_bow import Bow, line_bow
-from raytrace.measures.magnification import MagnificationMap, magnification_map
+from raytrace.measures.line_bow import MIN_SAMPLES, Bow, line_bow
+from raytrace.measures.magnification import (
+    Extent,
+    MagnificationExtremes,
+    MagnificationMap,
+    magnification_extremes,
+    magnification_map,
+)
 from raytrace.measures.road_straightness import RoadStraightness, road_straightness
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.eye_views import EyeViews
-from raytrace.viewing.view import box_of
-from raytrace.visibility.line_image import column, road_line
+from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.view import View, box_of
+from raytrace.visibility.line_image import StraightLine, Unmeasured, column, road_line, why_unmeasured
 from raytrace.visibility.orientation import Orientation, orientation
 
 Array = NDArray[np.float64]
@@ -74,12 +81,14 @@ class Measured:
     subject: Subject
     margin: HorizonMargin
     magnification: MagnificationMap
+    magnification_extremes: MagnificationExtremes
     disparity: Disparity
     fields: EyeFields
     grid: GridDistortion
     sizes: tuple[AngularSize, ...]
     bow: Bow | None
     straightness: RoadStraightness | None
+    line_unmeasured: Unmeasured | None
     plane_straightness: float | None
     tilt: Tilt | None
     ground: Ground
@@ -116,19 +125,29 @@ def measure(mirror: DrivenMirror, subject: Subject) -> Measured:
     views, own = mirror.views, mirror.own
     middle, left, right = views.middle, views.left, views.right
     line = None if subject.line_y is None else road_line(subject.line_y)
+    bow, straightness = (line_bow(middle, line, own), road_straightness(middle, line, own)) if line else (None, None)
     blind = tuple(blind_zone(left, right, own, subject.lane, height, subject.direct_view)
                   for height in (0.0, subject.hidden_height))
     return Measured(
-        mirror, subject, horizon_margin(middle, own), magnification_map(middle), disparity(views),
+        mirror, subject, horizon_margin(middle, own), magnification_map(middle), magnification_extremes(middle),
+        disparity(views),
         eye_fields(views, own), grid_distortion(middle),
         angular_sizes(middle, subject.face, subject.distances, own) if subject.face else (),
-        line_bow(middle, line, own) if line else None, road_straightness(middle, line, own) if line else None,
+        bow, straightness, _line_unmeasured(middle, line, own, bow, straightness),
         plane_straightness(mirror),
         column_tilt(middle, column(*subject.column), own) if subject.column else None,
         seen_ground(left, right, own), seen_widths(left, right, own, subject.widths_at), nearest_at_flank(left, right, own),
         blind, hidden_car(blind, subject.lane),
         yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, own, subject.lane, TURNS, 0.0, subject.direct_view),
         shown_round(views))
+
+
+def _line_unmeasured(view: View, line: StraightLine | None, own: HostVehicle, bow: Bow | None,
+                     straightness: RoadStraightness | None) -> Unmeasured | None:
+    """Why a figure of the lane line is missing; None where none is, or where there is no line."""
+    if line is None or (bow is not None and straightness is not None):
+        return None
+    return why_unmeasured(view, line, own, MIN_SAMPLES) or "level or upright at its far end"
 
 
 def shown_round(views: EyeViews) -> Orientation:
@@ -199,8 +218,9 @@ def _figures(measured: Measured) -> dict[str, Any]:
         "aim": _aim(measured),
         "image": {"way": WAYS[measured.orientation.way], "twice": measured.orientation.twice},
         "field_deg": _fields(measured.fields),
-        "magnification": {name: _spread(values, row, column_of) for name, values in (
-            ("horizontal", size.horizontal), ("vertical", size.vertical), ("ratio", size.ratio))},
+        "magnification": {name: _spread(values, row, column_of, getattr(measured.magnification_extremes, name))
+                          for name, values in (("horizontal", size.horizontal), ("vertical", size.vertical),
+                                               ("ratio", size.ratio))},
         "disparity": {"max_percent": disparity_.max_percent, "max_at_mm": disparity_.max_at_mm,
                       "max_rate_percent_per_mm": disparity_.max_rate_percent_per_mm,
                       "max_rate_at_mm": disparity_.max_rate_at_mm},
@@ -208,7 +228,8 @@ def _figures(measured: Measured) -> dict[str, Any]:
             f"{way}_arcmin": _size(getattr(one, way)) for way in ("mirror", "flat", "direct")}} for one in measured.sizes],
         "lane_line": {"bow_arcmin": bow and bow.arcmin, "extent_arcmin": bow and bow.extent_arcmin,
                       "straightness_percent": measured.straightness and measured.straightness.percent,
-                      "reference_plane_percent": measured.plane_straightness},
+                      "reference_plane_percent": measured.plane_straightness,
+                      "unmeasured": measured.line_unmeasured},
         "column": {"tilt_arcmin": tilt and tilt.arcmin, "flat_tilt_arcmin": tilt and tilt.flat_arcmin,
                    "own_tilt_arcmin": tilt and tilt.own_arcmin},
         "grid": {"rms_arcmin": grid.rms_arcmin, "max_arcmin": grid.max_arcmin, "max_at_deg": grid.max_at_deg,
@@ -258,11 +279,11 @@ def turned_figures(measured: Measured) -> dict[str, Any]:
             "blind_length_m": _numbers(turned.blind_mm / MM), "blind_endless": turned.endless.tolist()}
 
 
-def _spread(values: Array, row: int, column_of: int) -> dict[str, float | None]:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+def _spread(values: Array, row: int, column_of: int, extent_: Extent | None) -> dict[str, Any]:
+    """In the middle, and from the least to the largest over what is seen."""
+    if extent_ is None:
         return {"middle": None, "least": None, "largest": None}
-    return {"middle": _number(float(values[row, column_of])), "least": float(known.min()), "largest": float(known.max())}
+    return {"middle": _number(float(values[row, column_of])), "least": extent_.least, "largest": extent_.largest}
 
 
 def _box(body: Body) -> tuple[Array, Array]:

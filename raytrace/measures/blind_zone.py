@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.intervals import combined
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
-from raytrace.visibility.plan import ENDLESS_MM, Axis, IntervalSet, Polygon, combined, outlines, shown
+from raytrace.visibility.plan import ENDLESS_MM, Axis, IntervalSet, Polygon, outlines, shown
 
 Array = NDArray[np.float64]
 

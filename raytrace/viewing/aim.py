@@ -121,9 +121,9 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
 def surface_points(reflector: Reflector, x: Array, y: Array) -> Array:
     """Points (n, 3) of what reflects at (x, y), in mirror coordinates, without glass before it; NaN where it has none. Of a
     single face those of its whole sheet."""
-    outline = reflector.outline()
+    low, high = reflector.bounds
     # From above all that reflects: facets and bulges are higher than the outline by less than its size.
-    above = outline[:, 2].max() + np.linalg.norm(outline.max(axis=0) - outline.min(axis=0))
+    above = high[2] + np.linalg.norm(high - low)
     down = np.zeros((len(x), 3))
     down[:, 2] = -1.0
     return reflect(reflector.uncoated, np.stack([x, y, np.full(len(x), above)], axis=1), down).points
