@@ -93,6 +93,12 @@ class Reflector:
         """Whether every obstacle is known to lie under the surface, no higher than its own mesh error."""
         return self.obstacles is not None and self.surface.is_above(self.obstacles.vertices, OBSTACLE_DEFLECTION_MM)
 
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """The lowest and the highest coordinates of its outline, (3,) each, mm."""
+        points = self.outline()
+        return points.min(axis=0), points.max(axis=0)
+
     def outline(self) -> Array:
         """Points (n, 3) mm of what reflects: its vertices or the edges of its faces."""
         return self.surface.outline()

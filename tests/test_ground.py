@@ -24,7 +24,7 @@ from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
 from raytrace.visibility.line_image import road_line
-from raytrace.visibility.plan import IntervalSet, both, brought, combined, either, hidden_by, outlines, shown
+from raytrace.visibility.plan import IntervalSet, both, brought, combined, either, outlines, shown
 from tests.conftest import designed
 from tests.test_straight_lines import EYE, OWN, ball, flat, posed
 
@@ -403,17 +403,6 @@ def test_outlines_split_and_join() -> None:
     assert sum(area(polygon) for polygon in polygons) == pytest.approx(3.0 * np.pi, rel=5e-3)
     assert not any(within(polygon, np.zeros(1), np.zeros(1))[0] for polygon in polygons)
     assert any(within(polygon, np.zeros(1), np.full(1, 1.5))[0] for polygon in polygons)
-
-
-@settings(max_examples=100)
-@given(st.integers(0, 2**32 - 1))
-def test_hidden_by_has_the_sign_of_the_vehicles_own_test(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    q = rng.uniform([-3000.0, -3000.0, -500.0], [8000.0, 3000.0, 4000.0], (2000, 3))
-    ends = rng.uniform([-3000.0, -8000.0, 0.0], [20_000.0, 8000.0, 3000.0], (2000, 3))
-    by = hidden_by(OWN, q, ends)
-    clear = np.abs(by) > 1e-6
-    assert np.array_equal((by > 0.0)[clear], OWN.hides(q, ends)[clear])
 
 
 def test_newton_from_near_by_finds_what_find_finds() -> None:

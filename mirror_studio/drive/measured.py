@@ -36,15 +36,22 @@ from raytrace.measures.hiding import blind_zones_in_use, hidden_in_use
 from raytrace.measures.in_use import Asked, MirrorInUse, OnVehicle
 from raytrace.measures.lane import Lane, lane_in_use
 from raytrace.measures.line_bow import Bow, bow_in_use
-from raytrace.measures.magnification import MagnificationMap, map_in_use
+from raytrace.measures.magnification import (
+    Extent,
+    MagnificationExtremes,
+    MagnificationMap,
+    extremes_in_use,
+    map_in_use,
+)
 from raytrace.measures.registry import Measure, measures_of
-from raytrace.measures.road_straightness import RoadStraightness, straightness_in_use
+from raytrace.measures.road_straightness import RoadStraightness, line_unmeasured_in_use, straightness_in_use
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import View, box_of
+from raytrace.visibility.line_image import Unmeasured
 from raytrace.visibility.orientation import Orientation, orientation
 
 Array = NDArray[np.float64]
@@ -65,12 +72,14 @@ class Measured:
     asked: Asked
     margin: HorizonMargin
     magnification: MagnificationMap
+    magnification_extremes: MagnificationExtremes
     disparity: Disparity
     fields: EyeFields
     grid: GridDistortion
     sizes: tuple[AngularSize, ...]
     bow: Bow | None
     straightness: RoadStraightness | None
+    line_unmeasured: Unmeasured | None
     plane_straightness: float | None
     tilt: Tilt | None
     ground: Ground
@@ -122,9 +131,11 @@ def measure(mirror: DrivenMirror, asked: Asked) -> Measured:
     use = in_use(mirror, asked)
     views = mirror.views
     return Measured(
-        mirror, use, asked, use.record(aim_in_use), use.record(map_in_use), use.record(disparity_in_use),
+        mirror, use, asked, use.record(aim_in_use), use.record(map_in_use),
+        use.record(extremes_in_use), use.record(disparity_in_use),
         use.record(fields_in_use), use.record(distortion_in_use), use.record(sizes_in_use), use.record(bow_in_use),
-        use.record(straightness_in_use), use.record(lane_in_use).percent, use.record(tilt_in_use),
+        use.record(straightness_in_use), use.record(line_unmeasured_in_use), use.record(lane_in_use).percent,
+        use.record(tilt_in_use),
         seen_ground(views.left, views.right, mirror.own), use.record(widths_in_use), use.record(nearest_in_use),
         use.record(blind_zones_in_use), use.record(hidden_in_use),
         yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked.lane, TURNS, 0.0, asked.direct_view),
@@ -192,8 +203,9 @@ def _figures(measured: Measured) -> dict[str, Any]:
         "aim": _aim(measured),
         "image": {"way": WAYS[measured.orientation.way], "twice": measured.orientation.twice},
         "field_deg": _fields(measured.fields),
-        "magnification": {name: _spread(values, row, column_of) for name, values in (
-            ("horizontal", size.horizontal), ("vertical", size.vertical), ("ratio", size.ratio))},
+        "magnification": {name: _spread(values, row, column_of, getattr(measured.magnification_extremes, name))
+                          for name, values in (("horizontal", size.horizontal), ("vertical", size.vertical),
+                                               ("ratio", size.ratio))},
         "disparity": {"max_percent": disparity_.max_percent, "max_at_mm": disparity_.max_at_mm,
                       "max_rate_percent_per_mm": disparity_.max_rate_percent_per_mm,
                       "max_rate_at_mm": disparity_.max_rate_at_mm},
@@ -201,7 +213,8 @@ def _figures(measured: Measured) -> dict[str, Any]:
             f"{way}_arcmin": _size(getattr(one, way)) for way in ("mirror", "flat", "direct")}} for one in measured.sizes],
         "lane_line": {"bow_arcmin": bow and bow.arcmin, "extent_arcmin": bow and bow.extent_arcmin,
                       "straightness_percent": measured.straightness and measured.straightness.percent,
-                      "reference_plane_percent": measured.plane_straightness},
+                      "reference_plane_percent": measured.plane_straightness,
+                      "unmeasured": measured.line_unmeasured},
         "column": {"tilt_arcmin": tilt and tilt.arcmin, "flat_tilt_arcmin": tilt and tilt.flat_arcmin,
                    "own_tilt_arcmin": tilt and tilt.own_arcmin},
         "grid": {"rms_arcmin": grid.rms_arcmin, "max_arcmin": grid.max_arcmin, "max_at_deg": grid.max_at_deg,
@@ -251,11 +264,11 @@ def turned_figures(measured: Measured) -> dict[str, Any]:
             "blind_length_m": _numbers(turned.blind_mm / MM), "blind_endless": turned.endless.tolist()}
 
 
-def _spread(values: Array, row: int, column_of: int) -> dict[str, float | None]:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+def _spread(values: Array, row: int, column_of: int, extent_: Extent | None) -> dict[str, Any]:
+    """In the middle, and from the least to the largest over what is seen."""
+    if extent_ is None:
         return {"middle": None, "least": None, "largest": None}
-    return {"middle": _number(float(values[row, column_of])), "least": float(known.min()), "largest": float(known.max())}
+    return {"middle": _number(float(values[row, column_of])), "least": extent_.least, "largest": extent_.largest}
 
 
 def _box(body: Body) -> tuple[Array, Array]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
-from raytrace.visibility.plan import ENDLESS_MM, Axis, IntervalSet, Polygon, combined, outlines, shown
+from raytrace.visibility.intervals import IntervalSet, combined
+from raytrace.visibility.plan import ENDLESS_MM, Axis, Polygon, outlines, shown
 
 Array = NDArray[np.float64]
 

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.in_use import MirrorInUse
-from raytrace.measures.magnification import mirror_grid, ray_differentials
+from raytrace.measures.magnification import mirror_grid, ray_differentials, surface_under
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.view import Mask, View
+from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.extremes import Samples, largest
+from raytrace.visibility.plan import brought
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Size = Literal["horizontal", "vertical", "area"]
 
 COLUMNS, ROWS = 31, 15  # of the map: what is shown changes along a row
-STEP_MM = 0.25  # to either side of a place: the rate by differences, 1e-6 of it on a smooth law
-# Places across and upright about the largest of the map, at which a larger one is looked for. Both are often where one eye
-# ceases to see, and change along a row: to 0.1 mm across and 2 mm upright.
-CLOSER = (15, 7)
-ROUNDS = 2
+STEP_MM = 0.25  # to either side of a place: where the law of curvature breaks, the rate is that over half a millimetre
+FOUND = 1e-9  # radians that a ray may miss its direction by: 1e-6 mm of the mirror
+ON_EDGE = 72  # places of each eye's edge at which the largest are looked for first
+COARSE = (17, 9)  # columns and rows of such places inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +36,8 @@ class Disparity:
     x (columns,), y (rows,) : mm on the surface, where the middle between the eyes sees a far direction; `places`
     (rows, columns, 2), where it looks.   percent (rows, columns) : of that direction; NaN where not both eyes see it in the
     mirror.   rate_percent_per_mm (rows, columns) : its derivative by x along the mirror's rows, from the map's columns.
-    max_percent, max_rate_percent_per_mm : the signed values of largest magnitude, sought between the map's places, with
-    (x, y); None where no far direction is seen by both.
+    max_percent, max_rate_percent_per_mm : the signed values of largest magnitude over all that both eyes and the middle
+    see, edge included, to 1e-6 of them, with (x, y); None where no far direction is seen by all.
     """
 
     x: Array
@@ -59,23 +63,72 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
     of far objects, for which it is a property of a place. 10 % here is 9.5 or 10.5 % there.
     """
     views = EyeViews(views.left.interpolated, views.middle.interpolated, views.right.interpolated)
-    step = views.middle.reflector.surface.resolution_mm or STEP_MM
-
-    def at(x: Array, y: Array) -> Array:
-        """Disparity of the directions that the middle sees at (x, y), (n,)."""
-        return _of_places(views, views.middle.places_over(x, y), size)
-
-    def rate(x: Array, y: Array) -> Array:
-        both = at(np.concatenate([x - step, x + step]), np.concatenate([y, y]))
-        return (both[len(x):] - both[:len(x)]) / (2.0 * step)
-
     x, y, places = mirror_grid(views.middle, columns, rows)
     percent = _of_places(views, places.reshape(-1, 2), size).reshape(rows, columns)
-    slope = _along_rows(percent, x)
-    cell = ((views.middle.box[1] - views.middle.box[0]) / columns, (views.middle.box[3] - views.middle.box[2]) / rows)
-    largest, where = _largest(at, percent, x, y, cell)
-    steepest, where_steepest = _largest(rate, slope, x, y, cell)
-    return Disparity(x, y, places, percent, slope, largest, where, steepest, where_steepest)
+    both_see = _BothSee(views, size)
+    coarse_x, coarse_y, _ = mirror_grid(views.middle, *COARSE)
+    found = largest(both_see.samples, coarse_x, coarse_y, both_see.lengths, ON_EDGE)
+    signed, _, _, _ = both_see.at(found.curve, found.place)
+    (most, steepest), (at, steepest_at) = np.diagonal(signed).tolist(), [tuple(one) for one in found.at.tolist()]
+    known, rated = (bool(one) for one in np.isfinite(found.value))
+    return Disparity(x, y, places, percent, _along_rows(percent, x), most if known else None, at if known else None,
+                     steepest if rated else None, steepest_at if rated else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _BothSee:
+    """What both eyes see inside the outline, and the middle between them too: bounded by the three edges.
+
+    The edge's rings are the curves of `largest`, the left eye's first, with places counted in vertices.
+    """
+
+    views: EyeViews
+    size: Size
+
+    @cached_property
+    def rings(self) -> list[tuple[int, Edge, Index]]:
+        """Which view's edge each is, the edge, and its vertices."""
+        return [(k, edge, ring) for k, edge in enumerate(edge_of(view) for view in self._three) for ring in edge.rings()]
+
+    @property
+    def _three(self) -> tuple[View, View, View]:
+        return self.views.left, self.views.middle, self.views.right
+
+    @property
+    def lengths(self) -> Array:
+        return np.array([len(ring) for _, _, ring in self.rings], dtype=np.float64)
+
+    def samples(self, curve: Index, place: Array) -> Samples:
+        signed, inside, at, _ = self.at(curve, place)
+        return Samples(np.abs(signed), inside, at)
+
+    def at(self, curve: Index, place: Array) -> tuple[Array, Mask, Array, Array]:
+        """Disparity and its rate (2, n), whether the place counts, where it is (n, 2), and the far direction (n, 3)."""
+        middle, n = self.views.middle, len(curve)
+        at, directions, on_edge_of = np.full((n, 2), np.nan), np.full((n, 3), np.nan), np.full(n, -1)
+        inner = np.flatnonzero(curve < 0)
+        at[inner] = place[inner]
+        looked = np.full((n, 2), np.nan)
+        looked[inner] = middle.places_over(*place[inner].T)
+        directions[inner] = middle.untrimmed.trace_places(looked[inner]).directions
+        for c, (eye, edge, ring) in enumerate(self.rings):
+            these = np.flatnonzero(curve == c)
+            if these.size == 0:
+                continue
+            places, sight = edge.along(ring, place[these, 0])
+            directions[these], on_edge_of[these] = sight.directions, eye
+            looked[these], _ = (places, None) if eye == 1 else _places_of(middle, sight.directions)
+            at[these] = surface_under(middle, looked[these])
+        step = middle.reflector.surface.resolution_mm or STEP_MM
+        beside = middle.places_over(np.concatenate([at[:, 0] - step, at[:, 0] + step]), np.tile(at[:, 1], 2))
+        around = middle.untrimmed.trace_places(beside).directions.reshape(2, n, 3)
+        (here, before, after), in_left, in_right = _of_directions(self.views, directions, self.size, around)
+        rate = (after - before) / (2.0 * step)
+        for other in ((after - here) / step, (here - before) / step):  # beside what ends there
+            rate = np.where(np.isfinite(rate), rate, other)
+        seen = (on_edge_of == 1) | middle.trace_places(looked).seen
+        inside = seen & (in_left | (on_edge_of == 0)) & (in_right | (on_edge_of == 2))
+        return np.stack([here, rate]), inside, at, directions
 
 
 def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
@@ -83,18 +136,40 @@ def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
     result = np.full(len(places), np.nan)
     sight = views.middle.trace_places(places)
     seen = np.flatnonzero(sight.seen)
-    left, right = (_sizes(views, name, sight.directions[seen], size) for name in ("left", "right"))
-    result[seen] = 100.0 * (left - right) / (0.5 * (left + right))
+    (percent,), in_left, in_right = _of_directions(views, sight.directions[seen], size, np.empty((0, len(seen), 3)))
+    result[seen] = np.where(in_left & in_right, percent, np.nan)
     return result
 
 
-def _sizes(views: EyeViews, name: str, directions: Array, size: Size) -> Array:
-    """The magnification at which an eye sees far directions (n, 3), (n,)."""
-    view = getattr(views, name)
-    places, shown = view.find(directions, at_infinity=True)
-    places[~shown] = np.nan
-    sizes: Array = getattr(ray_differentials(view, places).at(), size)
-    return sizes
+def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array) -> tuple[Array, Mask, Mask]:
+    """Disparity of far directions (n, 3) and of some beside each of them (k, n, 3): (1 + k, n), NaN where a sheet shows one
+    nowhere; and whether each eye sees the first inside."""
+    k, n = len(around), len(directions)
+    percent, shown = np.full((1 + k, n), np.nan), np.zeros((2, n), dtype=np.bool_)
+    asked = np.flatnonzero(np.isfinite(directions).all(axis=1))
+    sizes = []
+    for eye, view in enumerate((views.left, views.right)):
+        places, shown[eye, asked] = _places_of(view, directions[asked])
+        beside = np.tile(places, (k, 1))
+        known = np.isfinite(beside).all(axis=1) & np.isfinite(ways := around[:, asked].reshape(-1, 3)).all(axis=1)
+        beside[~known] = np.nan
+        if known.any():
+            beside[known], _ = brought(view.untrimmed, beside[known], ways[known], at_infinity=True)
+        found = ray_differentials(view.untrimmed, np.concatenate([places, beside]))
+        sizes.append(getattr(found.at(), size).reshape(1 + k, -1))
+    left, right = sizes
+    percent[:, asked] = 100.0 * (left - right) / (0.5 * (left + right))
+    return percent, shown[0], shown[1]
+
+
+def _places_of(view: View, directions: Array) -> tuple[Array, Mask]:
+    """`View.find` for far directions (n, 3) that are units: Newton without a guard first, which mostly does."""
+    places, _ = brought(view.untrimmed, view.nearest(directions, at_infinity=True), directions, at_infinity=True)
+    with np.errstate(invalid="ignore"):
+        rest = np.flatnonzero(~(np.abs(view.untrimmed.trace_places(places).directions - directions).max(axis=1) < FOUND))
+    if rest.size:
+        places[rest], _ = view.find(directions[rest], at_infinity=True)
+    return places, view.trace_places(places).seen
 
 
 def _along_rows(values: Array, x: Array) -> Array:
@@ -103,24 +178,6 @@ def _along_rows(values: Array, x: Array) -> Array:
     beside[:, 1:-1] = np.diff(values, axis=1) / np.diff(x)
     before, after = beside[:, :-1], beside[:, 1:]
     return np.where(np.isnan(before), after, np.where(np.isnan(after), before, 0.5 * (before + after)))
-
-
-def _largest(function: Callable[[Array, Array], Array], values: Array, x: Array, y: Array, cell: tuple[float, float],
-             ) -> tuple[float | None, tuple[float, float] | None]:
-    """The value of largest magnitude of a function (n,), (n,) -> (n,) near that of its values on the grid x, y, and where."""
-    if not np.isfinite(values).any():
-        return None, None
-    row, column = np.unravel_index(int(np.nanargmax(np.abs(values))), values.shape)
-    best, at, reach = np.nan, (float(x[column]), float(y[row])), np.array(cell)
-    for _ in range(ROUNDS):
-        near_x, near_y = (axis.ravel() for axis in np.meshgrid(*(
-            middle + half * np.linspace(-1.0, 1.0, count) for middle, half, count in zip(at, reach, CLOSER, strict=True))))
-        near = function(near_x, near_y)
-        if np.isfinite(near).any():
-            k = int(np.nanargmax(np.abs(near)))
-            best, at = float(near[k]), (float(near_x[k]), float(near_y[k]))
-        reach = 2.0 * reach / (np.array(CLOSER) - 1.0)
-    return (best, at) if np.isfinite(best) else (None, None)
 
 
 def disparity_in_use(use: MirrorInUse) -> Disparity:

@@ -13,15 +13,16 @@ from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import Edge, edge_of, roots
-from raytrace.visibility.plan import brought, hidden_by
+from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.grazing import unhidden
+from raytrace.visibility.plan import brought
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Interval = tuple[float, float]
 Intervals = tuple[Interval, ...]
 
-GRID_SHAPE = 33  # directions of a part that the mirror shows, at which the own vehicle may hide it
+GRID_SHAPE = 33  # directions of a part that the mirror shows, ends included, between which the vehicle's edges are looked for
 FAR_MM = 1e9  # a thousand kilometres: where directions that the own vehicle may hide end
 
 
@@ -151,23 +152,25 @@ def _seen(edge: Edge, circle: _Circle, own: HostVehicle | None) -> tuple[Interva
 
 def _unhidden(view: View, circle: _Circle, own: HostVehicle, ends: Array, at: Array) -> Array:
     """The parts (2, k) of an interval of a circle that the vehicle does not hide; its ends (2,) are seen at places (2, 2)."""
-    def hides(angle: Array, starts: Array) -> tuple[Array, Array]:
-        """By how much directions (n,) are hidden, and the places that show them."""
+    def segments(angle: Array, starts: Array) -> tuple[Array, Array, Array]:
+        """Places that show directions (n,), where their rays leave the mirror, and how far these reach."""
         ways = circle.directions(angle)
         places, points = brought(view, starts, ways, at_infinity=True)
-        return hidden_by(own, points, points + FAR_MM * ways), places
+        return places, points, points + FAR_MM * ways
 
-    share = np.linspace(0.0, 1.0, GRID_SHAPE + 2)[1:-1]  # what hides the very ends is not a part
+    share = np.linspace(0.0, 1.0, GRID_SHAPE)
     angle = ends[0] + (ends[1] - ends[0]) * share
-    by, places = hides(angle, at[0] + share[:, None] * (at[1] - at[0]))
-    known = np.isfinite(by)  # not where a mesh ends beside a place
-    angle, by, places = angle[known], by[known], places[known]
-    k = np.flatnonzero((by[:-1] > 0.0) != (by[1:] > 0.0))
-    step, way = np.diff(angle)[k], np.diff(places, axis=0)[k]
-    turns = angle[k] + step * roots(lambda t: hides(angle[k] + t * step, places[k] + t[:, None] * way)[0], by[k], by[k + 1])
-    stops = np.concatenate([ends[:1], turns, ends[1:]])
-    first = 1 if len(by) and by[0] > 0.0 else 0
-    return np.stack([stops[:-1], stops[1:]])[:, first::2]
+    places, starts, stops = segments(angle, at[0] + share[:, None] * (at[1] - at[0]))
+    known = np.isfinite(starts).all(axis=1)  # not where a mesh ends beside a place
+    angle, places, starts, stops = angle[known], places[known], starts[known], stops[known]
+
+    def rays(cell: Index, share: Array) -> tuple[Array, Array]:
+        _, start, stop = segments(angle[cell] + share * (angle[cell + 1] - angle[cell]),
+                                  places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
+        return start, stop
+
+    found = unhidden(own, np.zeros(len(angle), dtype=np.intp), angle, (starts, stops), rays)
+    return np.stack([found.low, found.high])
 
 
 def _intervals(low: Array, high: Array) -> Intervals:

@@ -14,7 +14,8 @@ from raytrace.viewing.aim import Aim, shown_aim
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View, box_of
 from raytrace.visibility.edge import Edge, edge_of
-from raytrace.visibility.plan import IntervalSet, Polygon, both, either, outlines, shown
+from raytrace.visibility.intervals import IntervalSet
+from raytrace.visibility.plan import Polygon, both, either, outlines, shown
 
 Array = NDArray[np.float64]
 

@@ -11,15 +11,23 @@ from numpy.typing import NDArray
 from raytrace.measures.in_use import MirrorInUse, finite
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of
+from raytrace.visibility.extremes import Samples, largest
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-# Radians to either side of a ray, 0.08 mm of a mirror at the driver's distance: rounding gives the derivatives 1e-10 of
-# their size, and where the law of curvature breaks they are wrong over no more than that width.
-TURN = 1e-4
+# Radians to either side of a ray, 0.01 mm of a mirror at the driver's distance: rounding gives the derivatives 1e-11 of their
+# size, the third derivative 1e-9 of what changes over a degree, and where the law of curvature breaks, they are those of the
+# one side or the other but for that width.
+TURN = 1.5e-5
+NEAR, WIDE = np.array([-1.0, 1.0]), np.array([-2.0, -1.0, 1.0, 2.0])  # turns
 CREASE = np.radians(60.0)  # between neighbouring reflected rays: normals 30° apart are those of two faces, as in mesh_normals
 COLUMNS, ROWS = 41, 61  # of a map
+GLASS_STEPS = 3  # from where a ray leaves the glass to what it is seen over: each leaves some hundredth
+ON_EDGE = 96  # places of the edge at which the largest and the least are looked for first
+COARSE = (13, 19)  # columns and rows of such places inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +97,10 @@ class MagnificationMap:
 def ray_differentials(view: View, places: Array) -> RayDifferentials:
     """Derivatives of the rays through places (n, 2) by the eye's direction, from exact rays beside them.
 
-    Central differences of the fourth order; beside a crease or an edge beyond which nothing can be traced, of the second, to
-    one side if need be. On a mesh, whatever its normals, they are those of the smooth surface that its vertices lie on, and
-    the turns span two facets, since what is between vertices is right in the mean only.
+    Central differences of the second order, which do not overshoot where a law breaks; beside a crease or an edge beyond which
+    nothing can be traced, to one side. On a mesh, whatever its normals, they are of the fourth order and those of the smooth
+    surface that its vertices lie on, and the turns span two facets, since what is between vertices is right in the mean
+    only.
     """
     n = len(places)
     jacobian, shift, path = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
@@ -99,14 +108,12 @@ def ray_differentials(view: View, places: Array) -> RayDifferentials:
     sight = view.trace_places(places)
     index = np.flatnonzero(sight.seen)
     if index.size:
-        towards = view.towards(places[index])
-        turn = view.reflector.surface.resolution_mm / float(np.linalg.norm(view.eye_in_mirror)) or TURN
-        ends, ways = _beside(view, towards, turn)
-        beyond = np.einsum("nijk,nk->nij", ways, sight.directions[index]) < np.cos(CREASE)
-        ends[beyond] = ways[beyond] = np.nan
+        towards, resolution = view.towards(places[index]), view.reflector.surface.resolution_mm
+        turn = resolution / float(np.linalg.norm(view.eye_in_mirror)) or TURN
+        by_ends, by_ways = _by_turns(view, towards, sight.points[index], sight.directions[index], turn, resolution > 0.0)
         across = np.stack(frame(sight.directions[index]), axis=1)
-        jacobian[index] = np.einsum("nik,njk->nij", across, _derivative(ways, sight.directions[index], turn))
-        shift[index] = np.einsum("nik,njk->nij", across, _derivative(ends, sight.points[index], turn))
+        jacobian[index] = np.einsum("nik,njk->nij", across, by_ways)
+        shift[index] = np.einsum("nik,njk->nij", across, by_ends)
         path[index] = np.linalg.norm(sight.points[index] - view.eye, axis=1)
     return RayDifferentials(jacobian, shift, path, sight.seen)
 
@@ -119,6 +126,58 @@ def magnification_map(view: View, distance_mm: float = np.inf, columns: int = CO
     return MagnificationMap(x, y, places, shaped)
 
 
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """From the least to the largest value over a mirror, and where on it, (x, y) in mm."""
+
+    least: float
+    largest: float
+    least_at_mm: tuple[float, float]
+    largest_at_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MagnificationExtremes:
+    """The least and the largest magnification of far objects over all that is seen of a mirror, edge included, to 1e-6 of
+    them; None where nothing is seen. horizontal, vertical and ratio as in `Magnification`."""
+
+    horizontal: Extent | None
+    vertical: Extent | None
+    ratio: Extent | None
+
+
+def magnification_extremes(view: View) -> MagnificationExtremes:
+    """Where a mirror shows far things smallest and largest, over what the eye sees reflecting.
+
+    The host vehicle hides nothing here. A mesh stands for the smooth surface that its vertices lie on.
+    """
+    view = view.interpolated
+    edge = edge_of(view)
+    rings = edge.rings()
+
+    def samples(curve: Index, place: Array) -> Samples:
+        at, looked, on_edge = place.copy(), np.full((len(curve), 2), np.nan), curve >= 0
+        inner = np.flatnonzero(~on_edge)
+        looked[inner] = view.places_over(*place[inner].T)
+        for c, ring in enumerate(rings):
+            these = np.flatnonzero(curve == c)
+            if these.size:
+                looked[these], sight = edge.along(ring, place[these, 0])
+                at[these] = sight.on_mirror[:, :2]
+        found = ray_differentials(view.untrimmed, looked).at()
+        values = np.stack([found.horizontal, found.vertical, found.ratio])
+        return Samples(np.concatenate([values, -values]), on_edge | view.trace_places(looked).seen, at)
+
+    x, y, _ = mirror_grid(view, *COARSE)
+    found = largest(samples, x, y, np.array([len(ring) for ring in rings], dtype=np.float64), ON_EDGE)
+    parts = []
+    for k in range(3):
+        most, least = float(found.value[k]), -float(found.value[k + 3])
+        places = [(float(found.at[j, 0]), float(found.at[j, 1])) for j in (k + 3, k)]
+        parts.append(Extent(least, most, *places) if np.isfinite([most, least]).all() else None)
+    return MagnificationExtremes(*parts)
+
+
 def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Array]:
     """Middles x (columns,) and y (rows,) of equal cells of the mirror's box, and the places (rows, columns, 2) that the
     eye looks through at them; NaN where the mirror has no surface."""
@@ -127,6 +186,17 @@ def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Arra
     y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
     at_x, at_y = np.meshgrid(x, y)
     return x, y, view.places_over(at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)
+
+
+def surface_under(view: View, places: Array) -> Array:
+    """(x, y) of what reflects (n, 2), without glass before it, through which the eye looks at places (n, 2): `places_over`
+    the other way round, on the whole sheet."""
+    at: Array = view.untrimmed.trace_places(places).on_mirror[:, :2].copy()
+    if view.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected
+        for _ in range(GLASS_STEPS):
+            off = places - view.places_over(*at.T)
+            at += np.where(np.isfinite(off), off, 0.0)
+    return at
 
 
 def frame(directions: Array) -> tuple[Array, Array]:
@@ -140,9 +210,25 @@ def frame(directions: Array) -> tuple[Array, Array]:
     return right, np.cross(right, directions)
 
 
-def _beside(view: View, towards: Array, turn: float) -> tuple[Array, Array]:
-    """Where rays leave and whither, (n, 2, 4, 3) each: turned rightward and upward by −2, −1, 1 and 2 turns."""
-    angles = turn * np.array([-2.0, -1.0, 1.0, 2.0])
+def _by_turns(view: View, towards: Array, points: Array, directions: Array, turn: float, wide: bool) -> tuple[Array, Array]:
+    """Derivatives by a turn of where rays leave and whither, (n, 2, 3) each, from those of the middle rays (n, 3); `wide` ones
+    take the fourth order."""
+    if wide:
+        ends, ways = _beside(view, towards, directions, turn, WIDE)
+        return _derivative(ends, points, turn, True), _derivative(ways, directions, turn, True)
+    ends, ways = _beside(view, towards, directions, turn, NEAR)
+    by_ends, by_ways = ((beside[:, :, 1] - beside[:, :, 0]) / (2.0 * turn) for beside in (ends, ways))
+    lacking = np.flatnonzero(~np.isfinite(by_ways).all(axis=(1, 2)))
+    if lacking.size:
+        ends, ways = _beside(view, towards[lacking], directions[lacking], turn, WIDE)
+        by_ends[lacking] = _derivative(ends, points[lacking], turn, False)
+        by_ways[lacking] = _derivative(ways, directions[lacking], turn, False)
+    return by_ends, by_ways
+
+
+def _beside(view: View, towards: Array, directions: Array, turn: float, turns: Array) -> tuple[Array, Array]:
+    """Where rays leave and whither, (n, 2, k, 3) each: turned rightward and upward by `turns` (k,); NaN beyond a crease."""
+    angles = turn * turns
     across = np.stack(frame(towards), axis=1)
     rays = np.cos(angles)[:, None] * towards[:, None, None] + np.sin(angles)[:, None] * across[:, :, None]
     rays = view.pose.directions_to_mirror(rays.reshape(-1, 3))
@@ -150,15 +236,20 @@ def _beside(view: View, towards: Array, turn: float) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         places = np.where(rays[:, 2:] < 0.0, eye[:2] - rays[:, :2] * (eye[2] / rays[:, 2:]), np.nan)
     sight = view.untrimmed.trace_places(places)
-    return sight.points.reshape(-1, 2, 4, 3), sight.directions.reshape(-1, 2, 4, 3)
+    ends, ways = (one.reshape(-1, 2, len(turns), 3) for one in (sight.points, sight.directions))
+    beyond = np.einsum("nijk,nk->nij", ways, directions) < np.cos(CREASE)
+    ends[beyond] = ways[beyond] = np.nan
+    return ends, ways
 
 
-def _derivative(beside: Array, middle: Array, turn: float) -> Array:
-    """Derivative by a turn, (n, 2, 3), of what is `beside` (n, 2, 4, 3) at −2, −1, 1, 2 turns and in the middle (n, 3)."""
+def _derivative(beside: Array, middle: Array, turn: float, wide: bool) -> Array:
+    """Derivative by a turn, (n, 2, 3), of what is `beside` (n, 2, 4, 3) at −2, −1, 1, 2 turns and in the middle (n, 3); `wide`
+    turns take the fourth order."""
     a, b, c, d = np.moveaxis(beside, 2, 0)
     m = middle[:, None]
-    found = (8.0 * (c - b) - (d - a)) / (12.0 * turn)
-    for other in ((c - b) / (2.0 * turn), (4.0 * c - 3.0 * m - d) / (2.0 * turn), (3.0 * m - 4.0 * b + a) / (2.0 * turn)):
+    near = (c - b) / (2.0 * turn)
+    found = (8.0 * (c - b) - (d - a)) / (12.0 * turn) if wide else near
+    for other in (near, (4.0 * c - 3.0 * m - d) / (2.0 * turn), (3.0 * m - 4.0 * b + a) / (2.0 * turn)):
         found = np.where(np.isnan(found), other, found)
     return found
 
@@ -184,9 +275,13 @@ def _middle(values: Array, found: MagnificationMap) -> float | None:
     return finite(values[int(np.argmin(np.abs(found.y))), int(np.argmin(np.abs(found.x)))])
 
 
-def _least(values: Array) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known.min()) if known.size else None
+def extremes_in_use(use: MirrorInUse) -> MagnificationExtremes:
+    """`magnification_extremes` from between the eyes of a mirror in use."""
+    return magnification_extremes(use.on_vehicle.views.middle)
+
+
+def _least(extent: Extent | None) -> float | None:
+    return None if extent is None else finite(extent.least)
 
 
 register(Measure("magnification_middle", "horizontal magnification, middle", "", 3,
@@ -194,9 +289,9 @@ register(Measure("magnification_middle", "horizontal magnification, middle", "",
                  lambda use: _middle(use.record(map_in_use).magnification.horizontal, use.record(map_in_use)), group="Size",
                  better="more", local=True))
 register(Measure("magnification_least", "horizontal magnification, least", "", 3, "over the mirror",
-                 lambda use: _least(use.record(map_in_use).magnification.horizontal), group="Size", better="more", local=True))
+                 lambda use: _least(use.record(extremes_in_use).horizontal), group="Size", better="more", local=True))
 register(Measure("magnification_vertical_middle", "vertical magnification, middle", "", 3, "the same of an upright object",
                  lambda use: _middle(use.record(map_in_use).magnification.vertical, use.record(map_in_use)), group="Size",
                  better="more", local=True))
 register(Measure("magnification_ratio_least", "horizontal over vertical, least", "", 3, "below 1 things look too slim",
-                 lambda use: _least(use.record(map_in_use).magnification.ratio), group="Size", better="more", local=True))
+                 lambda use: _least(use.record(extremes_in_use).ratio), group="Size", better="more", local=True))

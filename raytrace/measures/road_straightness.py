@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.lane import LEVEL
+from raytrace.measures.line_bow import MIN_SAMPLES as LEAST_OF_BOW
+from raytrace.measures.line_bow import bow_in_use
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.line_image import LineImage, LineView, StraightLine, line_images, road_line
+from raytrace.visibility.line_image import LineImage, LineView, StraightLine, Unmeasured, line_images, road_line, why_unmeasured
 
 Array = NDArray[np.float64]
 
@@ -76,6 +78,16 @@ def straightness_in_use(use: MirrorInUse) -> RoadStraightness | None:
     there = use.on_vehicle
     line = there.asked.line_y
     return None if line is None else road_straightness(there.views.middle, road_line(line), there.host)
+
+
+def line_unmeasured_in_use(use: MirrorInUse) -> Unmeasured | None:
+    """Why a figure of the lane line is missing; None where none is, or where there is no line."""
+    there = use.on_vehicle
+    line = there.asked.line_y
+    if line is None or (use.record(bow_in_use) is not None and use.record(straightness_in_use) is not None):
+        return None
+    found = why_unmeasured(there.views.middle, road_line(line), there.host, LEAST_OF_BOW)
+    return found or "level or upright at its far end"
 
 
 def _percent(use: MirrorInUse) -> float | None:

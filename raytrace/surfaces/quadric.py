@@ -286,8 +286,8 @@ class Quadrics(NamedTuple):
     """Many trimmed quadrics, in the order of their tree's leaves, as the kernel takes them.
 
     tree_boxes, tree_links : see `raytrace.surfaces.pieces.Tree`.   boxes (f, 6) mm.   counts (f, 6) : kind, one_sided, where
-    the strips of the trimming begin and end, and its edges.   sizes (f, 18) : radius, outward, the trimming's low, inverse height,
-    u_min, u_max, then centre and axes.   first, edges, interior : of the trimmings, one after the other.
+    the strips of the trimming begin and end, and its edges.   sizes (f, 18) : radius, outward, the trimming's low, inverse
+    height, u_min, u_max, then centre and axes.   first, edges, interior : of the trimmings, one after the other.
     """
 
     tree_boxes: Array

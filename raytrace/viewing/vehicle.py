@@ -44,11 +44,16 @@ class HostVehicle:
         """The vertical edge that ends the flank on a mirror's side."""
         return RearEdge(self.rear_mm, -self.half_width_mm if hand == "left" else self.half_width_mm)
 
+    @property
+    def corners(self) -> tuple[Array, Array]:
+        """The box's lowest and highest coordinates, (3,) each, mm."""
+        return (np.array([self.front_mm, -self.half_width_mm, 0.0]),
+                np.array([self.rear_mm, self.half_width_mm, self.height_mm]))
+
     def hides(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Whether the vehicle stands between starts and ends, (…, 3) mm; no for rows that are not numbers."""
         way = ends - starts
-        low = np.array([self.front_mm, -self.half_width_mm, 0.0])
-        high = np.array([self.rear_mm, self.half_width_mm, self.height_mm])
+        low, high = self.corners
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = (low - starts) / way, (high - starts) / way
             # A way along a side has 0/0 where it lies in the side: it touches, and is not hidden.

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.errors import TraceError
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
-from raytrace.surfaces.base import Box, box_of_points
+from raytrace.surfaces.base import Box
 from raytrace.trace import reflect
 from raytrace.viewing.eye import EYE_DISTANCE_MM, eye_position
 from raytrace.viewing.pose import Pose
@@ -79,11 +79,11 @@ class View:
             object.__setattr__(self, "eye", self.pose.to_vehicle(eye_position(EYE_DISTANCE_MM, "right", self.box)))
         else:
             object.__setattr__(self, "eye", np.asarray(self.eye, dtype=np.float64))
-        highest = float(self.reflector.outline()[:, 2].max())
+        highest = float(self.reflector.bounds[1][2])
         if not self.eye_in_mirror[2] > max(highest, 0.0) + EYE_CLEARANCE:
             x, y, z = self.eye_in_mirror
             box = self.box
-            lowest = float(self.reflector.outline()[:, 2].min()) - THICKNESS
+            lowest = float(self.reflector.bounds[0][2]) - THICKNESS
             inside = box[0] < x < box[1] and box[2] < y < box[3] and z > lowest
             what = "is inside the mirror" if inside else "is behind the face of the mirror, which is turned away from it"
             raise TraceError(f"the eye {what}: in mirror coordinates it is at ({x:.0f}, {y:.0f}, {z:.0f}) mm, and z must be "
@@ -165,21 +165,28 @@ class View:
         places = np.full((len(targets), 2), np.nan)
         if len(targets) == 0:
             return places, np.zeros(0, dtype=np.bool_)
-        starts, first = self._starts
-        if len(starts) == 0:
+        if len(self._starts[0]) == 0:
             return places, np.zeros(len(targets), dtype=np.bool_)
         wanted = targets / np.linalg.norm(targets, axis=1, keepdims=True) if at_infinity else targets
-        for begin in range(0, len(targets), STARTS_AT_ONCE):
-            part = wanted[begin:begin + STARTS_AT_ONCE]
-            # Not by BLAS: its threads would spin beside those that trace.
-            alike = np.einsum("ij,kj->ik", part, first.directions) if at_infinity else _alike(part, first)
-            places[begin:begin + STARTS_AT_ONCE] = starts[np.argmax(alike, axis=1)]
+        places = self.nearest(wanted, at_infinity)
         found = self._newton(places, wanted, at_infinity)
         places[~found] = np.nan
         shown = np.zeros(len(targets), dtype=np.bool_)
         index = np.flatnonzero(found)
         shown[index] = self.trace_places(places[index]).seen
         return places, shown
+
+    def nearest(self, wanted: Array, at_infinity: bool = False) -> Array:
+        """The places (n, 2), of a grid over the mirror, whose rays pass nearest to points (n, 3), or leave most nearly along
+        unit directions (n, 3): where Newton starts. NaN where the mirror reflects none."""
+        places = np.full((len(wanted), 2), np.nan)
+        starts, first = self._starts
+        for begin in range(0, len(wanted) if len(starts) else 0, STARTS_AT_ONCE):
+            part = wanted[begin:begin + STARTS_AT_ONCE]
+            # Not by BLAS: its threads would spin beside those that trace.
+            alike = np.einsum("ij,kj->ik", part, first.directions) if at_infinity else _alike(part, first)
+            places[begin:begin + STARTS_AT_ONCE] = starts[np.argmax(alike, axis=1)]
+        return places
 
     def _newton(self, places: Array, wanted: Array, at_infinity: bool) -> Mask:
         """Move places until their rays pass through what is wanted; returns where they do."""
@@ -240,7 +247,8 @@ def _slope(here: Array, after: Array, before: Array, step: float) -> Array:
 
 def box_of(reflector: Reflector) -> Box:
     """(x_min, x_max, y_min, y_max) of what reflects, mm."""
-    return box_of_points(reflector.outline())
+    low, high = reflector.bounds
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
 def _alike(points: Array, first: TracedRays) -> Array:

@@ -15,6 +15,7 @@ from raytrace.surfaces.base import BoundedFace
 from raytrace.surfaces.rim import AROUND, Evaluate
 from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import Mask, TracedRays, View
+from raytrace.visibility.turning import lowest, may_cross
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -72,6 +73,24 @@ class Edge:
                                   np.where(lost[:, None], directions, sight.directions),
                              self.view.pose.to_mirror(points))
 
+    def rings(self) -> tuple[Index, ...]:
+        """The vertices of each of the loops, in their order."""
+        following = self.following.tolist()
+        waiting, found = set(range(len(following))), []
+        while waiting:
+            ring = [min(waiting)]
+            while (after := following[ring[-1]]) != ring[0]:
+                ring.append(after)
+            waiting.difference_update(ring)
+            found.append(np.array(ring, dtype=np.intp))
+        return tuple(found)
+
+    def along(self, ring: Index, place: Array) -> tuple[Array, TracedRays]:
+        """`between` at places (m,) of one of the `rings`, counted in vertices, round and round."""
+        along = np.mod(place, len(ring))
+        k = np.minimum(along.astype(np.intp), len(ring) - 1)
+        return self.between(ring[k], along - k)
+
     def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
         """`View.find`, and whether the edge encloses the places."""
         places, inside = self.of.find(targets, at_infinity)
@@ -93,17 +112,49 @@ class Edge:
         """Where a function (points (m, 3), directions (m, 3)) -> (m,) changes its sign along the edge: after which vertices,
         and the places and rays."""
         now = value(self.points, self.directions)
-        k = np.flatnonzero((now > 0.0) != (now[self.following] > 0.0))
-        return k, *self.settle(k, now[k], now[self.following[k]], value)
+        after = now[self.following]
+        k = np.flatnonzero((now > 0.0) != (after > 0.0))
+        turned, share, there = self._turns(now, value)
+        if turned.size == 0:
+            return k, *self.settle(k, now[k], after[k], value)
+        every = np.concatenate([k, turned, turned])
+        low = np.concatenate([np.zeros(len(k) + len(turned)), share])
+        high = np.concatenate([np.ones(len(k)), share, np.ones(len(turned))])
+        return every, *self.settle(every, np.concatenate([now[k], now[turned], there]),
+                                   np.concatenate([after[k], there, after[turned]]), value, low, high)
+
+    def _turns(self, now: Array, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Array]:
+        """After which vertices (m,), at which shares of the way to the next and with which values a function, `now` (n,) at the
+        vertices, has the other sign than at both."""
+        before = np.empty_like(self.following)
+        before[self.following] = np.arange(len(before))
+        near = np.stack([now[before], now, now[self.following]])
+        length = np.linalg.norm(self.places[self.following] - self.places, axis=1)
+        at = np.stack([-length[before], np.zeros_like(length), length])
+        first, second = may_cross(at, near)
+        k = np.union1d(before[np.flatnonzero(first)], np.flatnonzero(second))
+        if k.size == 0:
+            return k, np.zeros(0), np.zeros(0)
+        sign = np.where(now[k] > 0.0, 1.0, -1.0)
+
+        def height(share: Array) -> Array:
+            _, sight = self.between(k, share)
+            found: Array = sign * value(sight.points, sight.directions)
+            return found
+
+        share, best = lowest(height, len(k))
+        crossed = best < 0.0
+        return k[crossed], share[crossed], (sign * best)[crossed]
 
     def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array],
-               ) -> tuple[Array, TracedRays]:
-        """Where functions (m,) of rays that have opposite signs at the vertices k (m,) and at the next vanish between."""
+               low: Array | float = 0.0, high: Array | float = 1.0) -> tuple[Array, TracedRays]:
+        """Where functions (m,) of rays vanish between shares `low` and `high` of the way from the vertices k (m,) to the next,
+        where they have values at_low and at_high (m,) of opposite signs."""
         def at(t: Array) -> Array:
-            _, sight = self.between(k, t)
+            _, sight = self.between(k, low + t * (high - low))
             return value(sight.points, sight.directions)
 
-        return self.between(k, roots(at, at_low, at_high))
+        return self.between(k, low + roots(at, at_low, at_high) * (high - low))
 
 
 @lru_cache(maxsize=8)
@@ -152,16 +203,20 @@ def _shown_face(view: View) -> BoundedFace | None:
 
 @lru_cache(maxsize=8)
 def _alone(face: BoundedFace) -> Reflector:
-    """A face that nothing stands before, with the sheet and the start meshes that it makes once."""
+    """A face that nothing stands before, with the sheet and the pieces that it makes once."""
     return Reflector(face)
 
 
 def _stands_before(view: View, points: Array) -> bool:
-    """Whether anything stands between the eye and points (n, 3) of the mirror."""
+    """Whether anything stands between the eye and points (n, 3) of the mirror, which the eye sees on the sheet alone."""
     reflector, eye = view.reflector, view.eye_in_mirror
+    alone = len(reflector.surface.bounding_faces) == 1
+    if alone and (reflector.obstacle_scene is None or reflector.obstacles_behind):
+        return False
     rays = points - eye
     reach = np.linalg.norm(rays, axis=1)
-    met = reflect(replace(reflector, obstacles=None), eye, rays).distances
+    met = np.full(len(rays), np.inf) if alone \
+        else reflect(replace(reflector, obstacles=None), eye, rays).distances
     if reflector.obstacle_scene is not None and not reflector.obstacles_behind:
         origins = np.broadcast_to(eye, rays.shape)
         met = np.fmin(met, reflector.obstacle_scene.first_hits(origins, rays / reach[:, None]).distance)

@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
-from raytrace.visibility.edge import Edge, edge_of, roots
-from raytrace.visibility.plan import beside, brought, hidden_by
+from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.grazing import unhidden
+from raytrace.visibility.plan import beside, brought
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 End = Literal["line", "edge", "hidden"]
 Known = tuple[Array, Array] | None
 
 SAMPLES = 65
-GRID_SHAPE = 17  # places of each part that the mirror shows, at which the own vehicle may hide it
+GRID_SHAPE = 17  # samples of each part that the mirror shows, ends included, between which the vehicle's edges are looked for
 BEHIND = 1e-4  # radians of φ: some 0.01 mm of the picture
 FAR_MM = 1e9  # what the vanishing point counts as where the vehicle may stand before it
 REARWARD = np.array([1.0, 0.0, 0.0])
@@ -145,11 +147,12 @@ class LineView:
         shows = self.view.trace_places(places).seen
         return np.concatenate([~shows[:1], shows])
 
-    def hidden(self, own: HostVehicle, angle: Array) -> Array:
-        """By how much the own vehicle hides the line's points at φ (n,): above 0 where it does."""
-        places, _ = self.find(angle)
-        along = np.minimum(self.along(angle), FAR_MM)
-        return hidden_by(own, self.edge.view.trace_places(places).points, self.line.at(along))
+    def segments(self, angle: Array, starts: Array) -> tuple[Array, Array, Array]:
+        """The places (n, 2) that show the line's points at φ (n,), by Newton from near by, where their rays leave the mirror,
+        and the points, those far away FAR_MM away."""
+        target = self.line.at(np.minimum(self.along(angle), FAR_MM))
+        places, points = brought(self.edge.view, starts, target)
+        return places, points, target
 
     def image(self, low: float, high: float, ends: tuple[End, End], known: tuple[Known, Known], samples: int) -> LineImage:
         """The part of the image between two φ, with what is known of its ends: their place and where on the mirror it is."""
@@ -186,26 +189,45 @@ def line_images(view: View, line: StraightLine, own: HostVehicle | None = None, 
     return tuple(sorted((image for image in images if len(image.along_mm) > 1), key=lambda image: -image.extent))
 
 
+Unmeasured = Literal["not shown", "hidden by the host vehicle", "too short", "level or upright at its far end"]
+
+
+def why_unmeasured(view: View, line: StraightLine, own: HostVehicle | None, least_samples: int) -> Unmeasured | None:
+    """Why a line has no image of so many samples: None where it has one."""
+    images = line_images(view, line, own)
+    if images:
+        return None if len(images[0].along_mm) >= least_samples else "too short"
+    return "hidden by the host vehicle" if own is not None and line_images(view, line) else "not shown"
+
+
 def _unhidden(seen: LineView, own: HostVehicle | None, low: float, high: float, ends: tuple[End, End],
               known: tuple[Known, Known], samples: int) -> list[LineImage]:
     """The images of the parts between two φ that the own vehicle does not hide."""
     ends_at = seen.line.at(np.minimum(seen.along(np.array([low, high])), FAR_MM))
     if own is None or beside(seen.edge, own, ends_at[:, None, :2])[0]:
         return [seen.image(low, high, ends, known, samples)]
-    angle = np.linspace(low, high, GRID_SHAPE + 2)[1:-1]  # what hides the very ends is not a part
-    by = seen.hidden(own, angle)
-    angle, by = angle[np.isfinite(by)], by[np.isfinite(by)]
-    if by.size == 0:
-        return [seen.image(low, high, ends, known, samples)]
-    k = np.flatnonzero((by[:-1] > 0.0) != (by[1:] > 0.0))
-    step = angle[k + 1] - angle[k]
-    turns = angle[k] + step * roots(lambda t: seen.hidden(own, angle[k] + t * step), by[k], by[k + 1])
-    stops = np.concatenate([[low], turns, [high]])
-    open_first = not by[0] > 0.0
+    angle = np.linspace(low, high, GRID_SHAPE)
+    near, _ = seen.find(angle)
+    for k, end in zip((0, -1), known, strict=True):
+        if end is not None:
+            near[k] = end[0]
+    near = near[(shown := np.isfinite(near).all(axis=1))]
+    angle = angle[shown]
+    places, starts, targets = seen.segments(angle, near)
+    met = np.isfinite(starts).all(axis=1)  # not where a mesh ends beside a place
+    angle, places, starts, targets = angle[met], places[met], starts[met], targets[met]
+
+    def rays(cell: Index, share: Array) -> tuple[Array, Array]:
+        _, start, target = seen.segments(angle[cell] + share * (angle[cell + 1] - angle[cell]),
+                                         places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
+        return start, target
+
+    open_parts = unhidden(own, np.zeros(len(angle), dtype=np.intp), angle, (starts, targets), rays)
     images = []
-    for i in range(0 if open_first else 1, len(stops) - 1, 2):
-        first, last = i == 0, i == len(stops) - 2
-        images.append(seen.image(stops[i], stops[i + 1], (ends[0] if first else "hidden", ends[1] if last else "hidden"),
+    for begin, end in zip(open_parts.low, open_parts.high, strict=True):
+        first, last = begin == angle[0], end == angle[-1]
+        images.append(seen.image(low if first else begin, high if last else end,
+                                 (ends[0] if first else "hidden", ends[1] if last else "hidden"),
                                  (known[0] if first else None, known[1] if last else None), samples))
     return images
 

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.viewing.vehicle import TOUCHING, HostVehicle
+from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
-from raytrace.visibility.edge import Edge, roots
+from raytrace.visibility.edge import Edge
+from raytrace.visibility.grazing import unhidden
+from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Axis = Literal[0, 1]  # of the coordinate that a line keeps: 0 for X, 1 for Y
 Polygon = NDArray[np.float64]
 
-GRID_SHAPE = 6  # places of a part of a line at which the own vehicle may hide it
+IntervalSet: TypeAlias = IntervalSet  # its name so far, and those of its two sums
+either, both = union, intersection
+
+GRID_SHAPE = 7  # samples of a part of a line, ends included, between which the vehicle's edges are looked for
 INSIDE = 1e-3  # of a part of a line: how far inside its ends, where rays may miss the mirror, Newton starts
 ENDLESS_MM = 1e6  # as far as a part of a line is followed that the mirror shows without an end
 STEP_MM = 0.02  # of the differences that Newton's derivatives are made of: 1e-4 of the mirror's width
@@ -26,66 +30,6 @@ MAX_STEPS = 12
 SETTLED = 1e-12  # radians by which a ray passes its target: Newton is done
 SOLVED = 0.02  # what Newton did not bring below that is not shown; facets turn their rays in steps of as much
 WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class IntervalSet:
-    """m intervals on numbered parallel lines, in rising order on each: row, low and high (m,), the last two in mm."""
-
-    row: Index
-    low: Array
-    high: Array
-
-    @property
-    def total(self) -> float:
-        """The length of all, mm."""
-        return float(np.sum(self.high - self.low))
-
-    def of(self, row: int) -> Array:
-        """The intervals of one line, (k, 2)."""
-        return np.stack([self.low, self.high], axis=1)[self.row == row]
-
-    def clipped(self, low: float | Array, high: float | Array) -> IntervalSet:
-        """What lies between low and high, each a number or one for every interval."""
-        a, b = np.maximum(self.low, low), np.minimum(self.high, high)
-        kept = a < b
-        return IntervalSet(self.row[kept], a[kept], b[kept])
-
-    def mask(self, rows: int, places: Array) -> Mask:
-        """Whether rising places (n,) on each of the lines lie inside, (rows, n)."""
-        steps = np.zeros((rows, len(places) + 1), dtype=np.int32)
-        np.add.at(steps, (self.row, np.searchsorted(places, self.low, "left")), 1)
-        np.add.at(steps, (self.row, np.searchsorted(places, self.high, "right")), -1)
-        found: Mask = np.cumsum(steps, axis=1)[:, :-1] > 0
-        return found
-
-
-def combined(keep: Callable[..., Mask], *sets: IntervalSet) -> IntervalSet:
-    """Where `keep` says so of k flags (n,), one a set: whether it holds there. It must say no where none of them does.
-    Intervals that touch become one."""
-    row = np.concatenate([row for spans in sets for row in (spans.row, spans.row)])
-    at = np.concatenate([end for spans in sets for end in (spans.low, spans.high)])
-    steps = np.concatenate([sign * np.eye(len(sets), dtype=np.int32)[[k] * len(spans.row)]
-                            for k, spans in enumerate(sets) for sign in (1, -1)])
-    order = np.lexsort((at, row))
-    row, at = row[order], at[order]
-    kept = keep(*(np.cumsum(steps[order], axis=0) > 0)[:-1].T) & (row[1:] == row[:-1]) & (at[1:] > at[:-1])
-    k = np.flatnonzero(kept)
-    fresh = np.ones(len(k), dtype=np.bool_)
-    fresh[1:] = (row[k[1:]] != row[k[:-1]]) | (at[k[1:]] != at[k[:-1] + 1])
-    first = np.flatnonzero(fresh)
-    last = np.append(first[1:], len(k))[:len(first)] - 1
-    return IntervalSet(row[k[first]], at[k[first]], at[k[last] + 1])
-
-
-def either(a: IntervalSet, b: IntervalSet) -> IntervalSet:
-    """What lies in one or the other."""
-    return combined(lambda in_a, in_b: in_a | in_b, a, b)
-
-
-def both(a: IntervalSet, b: IntervalSet) -> IntervalSet:
-    """What lies in one and the other."""
-    return combined(lambda in_a, in_b: in_a & in_b, a, b)
 
 
 def shown(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, own: HostVehicle | None = None,
@@ -110,7 +54,7 @@ def shown(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, own: Ho
     open_to_all = beside(edge, own, ends)
     hidden = np.flatnonzero(~open_to_all)
     rest = _unhidden(edge.view, axis, values, height_mm, own, cuts.take(hidden), first[hidden], last[hidden])
-    return either(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), rest)
+    return union(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), rest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,34 +146,35 @@ def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, own: Host
     away = np.hypot(value - middle[axis], height_mm - middle[2])
     low, high, begin, end = (np.arctan2(at - middle[1 - axis], away) for at in (cuts.low, cuts.high, first, last))
 
-    def hides(angle: Array, which: Index, starts: Array) -> tuple[Array, Array, Array]:
-        """Where lines are at such an angle, by how much they are hidden there, and the places that show it."""
+    def segments(angle: Array, which: Index, starts: Array) -> tuple[Array, Array, Array]:
+        """Where lines are at such an angle, the places that show it, and where their rays leave the mirror."""
         target = np.empty((len(which), 3))
         target[:, axis], target[:, 2] = value[which], height_mm
         target[:, 1 - axis] = middle[1 - axis] + away[which] * np.tan(angle)
         places, points = brought(view, starts, target)
-        return target[:, 1 - axis], hidden_by(own, points, target), places
+        return target, places, points
 
     share = np.linspace(0.0, 1.0, GRID_SHAPE)
     angles = begin[:, None] + (end - begin)[:, None] * share
     way = np.clip((angles - low[:, None]) / (high - low)[:, None], INSIDE, 1.0 - INSIDE)[:, :, None]
     starts = cuts.at_low[:, None] + way * (cuts.at_high - cuts.at_low)[:, None]
-    found = hides(angles.ravel(), np.repeat(np.arange(m), GRID_SHAPE), starts.reshape(-1, 2))
-    at, by, places = (values.reshape(m, GRID_SHAPE, *values.shape[1:]) for values in found)
-    at[:, 0], at[:, -1] = first, last
-    hidden = by > 0.0
-    i, j = np.nonzero(hidden[:, :-1] != hidden[:, 1:])
-    begin_at, step, way = angles[i, j], angles[i, j + 1] - angles[i, j], places[i, j + 1] - places[i, j]
+    which = np.repeat(np.arange(m), GRID_SHAPE)
+    target, places, points = segments(angles.ravel(), which, starts.reshape(-1, 2))
+    known = np.isfinite(points).all(axis=1)  # not where a mesh ends beside a place
+    part, at, target, places, points = which[known], angles.ravel()[known], target[known], places[known], points[known]
 
-    def between(t: Array) -> tuple[Array, Array, Array]:
-        return hides(begin_at + t * step, i, places[i, j] + t[:, None] * way)
+    def rays(cell: Index, share: Array) -> tuple[Array, Array]:
+        target, _, points_there = segments(at[cell] + share * (at[cell + 1] - at[cell]), part[cell],
+                                           places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
+        return points_there, target
 
-    turn = between(roots(lambda t: between(t)[1], by[i, j], by[i, j + 1]))[0]
-    starts, stops = at[:, :-1].copy(), at[:, 1:].copy()
-    starts[i, j] = np.where(hidden[i, j], turn, starts[i, j])
-    stops[i, j] = np.where(hidden[i, j], stops[i, j], turn)
-    i, j = np.nonzero(~(hidden[:, :-1] & hidden[:, 1:]) & (stops > starts))
-    return combined(lambda seen: seen, IntervalSet(cuts.row[i], starts[i, j], stops[i, j]))
+    found = unhidden(own, part, at, (points, target), rays)
+    # The ends that are not the vehicle's are known better than by their angle.
+    at_begin, at_end = found.low == begin[found.row], found.high == end[found.row]
+    low, high = (middle[1 - axis] + away[found.row] * np.tan(one) for one in (found.low, found.high))
+    found_low, found_high = np.where(at_begin, first[found.row], low), np.where(at_end, last[found.row], high)
+    kept = found_low < found_high
+    return combined(lambda seen: seen, IntervalSet(cuts.row[found.row[kept]], found_low[kept], found_high[kept]))
 
 
 def outlines(spans: IntervalSet, values: Array) -> tuple[Polygon, ...]:
@@ -277,26 +222,6 @@ def _share(spans: IntervalSet, parts: list[int], part: int, whole: int) -> tuple
 def _grow(polygon: tuple[list[tuple[float, float]], list[tuple[float, float]]], value: float, low: float, high: float) -> None:
     polygon[0].append((value, low))
     polygon[1].append((value, high))
-
-
-def hidden_by(own: HostVehicle, starts: Array, ends: Array) -> Array:
-    """By how much the vehicle stands between starts and ends (n, 3): above 0 where `HostVehicle.hides` says so, continuous and,
-    in the ends, piecewise linear. NaN for rows that are not numbers.
-
-    With a way from q to T: e_k = (T_k − q_k)/(near_k − q_k) is 1 over the share of the way at which it gets between the two
-    planes that bound the box on axis k, where it starts outside of them, and l_k the same for where it leaves them again.
-    It is hidden where the least e_k is above 1, so that it gets inside at all, and above all l_k, so that it does before it
-    is out again.
-    """
-    low = np.array([own.front_mm, -own.half_width_mm, 0.0])
-    high = np.array([own.rear_mm, own.half_width_mm, own.height_mm])
-    outside = (starts < low) | (starts > high)
-    way = ends - starts
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at_low, at_high = way / (low - starts), way / (high - starts)
-        enters = np.where(outside, np.where(starts < low, at_low, at_high), np.inf).min(axis=1)
-        leaves = np.where(outside, np.where(starts < low, at_high, at_low), np.fmax(at_low, at_high)).max(axis=1)
-    return np.minimum(enters, ENDLESS_MM) - np.maximum(leaves, 1.0 + TOUCHING)
 
 
 def brought(view: View, places: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:

@@ -1,0 +1,70 @@
+"""Smooth functions sampled in cells, those whose turn between two samples may cross zero, and how far they go there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A turn is looked for where the parabola through three samples comes nearer to 0 than this share of what they span: of smooth
+# functions it is right to much less.
+NEAR_ZERO = 0.1
+BESIDE_CELL = 0.25  # of a cell: a parabola's top may lie so far beside the cell in which the function turns
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+STEPS = 12  # of golden section: to 3e-3 of a cell, of a parabola 1e-5 of its rise in the cell
+
+
+def may_cross(at: Array, values: Array) -> tuple[Mask, Mask]:
+    """Whether functions may cross 0 twice between two of three samples that have the same sign.
+
+    Parameters
+    ----------
+    at : (3, n) places of the samples, rising.
+    values : (3, …, n).
+
+    Returns
+    -------
+    Whether between the first and the second, and between the second and the third, (…, n) each.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left, right = (values[1] - values[0]) / (at[1] - at[0]), (values[2] - values[1]) / (at[2] - at[1])
+        bend = (right - left) / (at[2] - at[0])
+        top = 0.5 * (at[0] + at[1]) - left / (2.0 * bend)
+        least = values[1] + (top - at[1]) * (left + bend * (top - at[0]))
+        room = NEAR_ZERO * (values.max(axis=0) - values.min(axis=0))
+        found = []
+        for k in (0, 1):
+            wide, sign = BESIDE_CELL * (at[k + 1] - at[k]), np.sign(values[k])
+            found.append(((values[k] > 0.0) == (values[k + 1] > 0.0)) & (sign * bend > 0.0) & (top > at[k] - wide)
+                         & (top < at[k + 1] + wide) & (sign * least <= room))
+    return found[0], found[1]
+
+
+def lowest(function: Callable[[Array], Array], n: int) -> tuple[Array, Array]:
+    """Where functions (n,) -> (n,) are least between 0 and 1, and how low they are; below 0 they are not followed further.
+
+    Golden section; NaN counts as high.
+    """
+    def height(share: Array) -> Array:
+        found = function(share)
+        return np.where(np.isfinite(found), found, np.inf)
+
+    low, high = np.zeros(n), np.ones(n)
+    one, two = np.full(n, 1.0 - GOLDEN), np.full(n, GOLDEN)
+    at_one, at_two = height(one), height(two)
+    share, best = np.where(at_one <= at_two, one, two), np.minimum(at_one, at_two)
+    for _ in range(STEPS):
+        if (best <= 0.0).all():
+            break
+        nearer = at_one <= at_two
+        low, high = np.where(nearer, low, one), np.where(nearer, two, high)
+        fresh = np.where(nearer, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+        now = height(fresh)
+        one, two = np.where(nearer, fresh, two), np.where(nearer, one, fresh)
+        at_one, at_two = np.where(nearer, now, at_two), np.where(nearer, at_one, now)
+        share, best = np.where(now < best, fresh, share), np.minimum(now, best)
+    return share, best
