@@ -21,15 +21,17 @@ def picture_name(mirror: str) -> str:
     return f"{mirror}-eyes.png"
 
 
-def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]]) -> None:
-    """Write index.html, which shows the pictures and drawings beside it."""
+def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]],
+                left_out: Sequence[str] = ()) -> None:
+    """Write index.html, which shows the pictures and drawings beside it.   left_out : what of bodies is not drawn."""
     groups = [(group, [(row, cells(row, figures)) for row in rows]) for group, rows in rows_of(figures[0])]
     mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
                 "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
-        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", lead=_lead(scene), facts=_facts(scene),
+        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", lead=_lead(scene),
+        facts=_facts(scene) + ([("Bodies", "; ".join(left_out))] if left_out else []),
         mirrors=mirrors, groups=groups, line_y=plain(scene.measured.line_y_m),
         direct=f"lane lines; direct view ends {plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])
