@@ -362,7 +362,7 @@ def set_to(*path: Any, value: Any) -> Callable[[Glb], None]:
     (set_to("bufferViews", 0, "byteLength", value=10**7), "buffer 0 is shorter than its views"),
     (set_to("images", 0, value={"uri": "plate.png"}), "its picture 'plate.png' cannot be read: No such file or directory"),
     (set_to("images", 0, value={"uri": "data:image/png;base64,####"}), "a picture inside it is not readable"),
-    (set_to("images", 0, value={"uri": "data:image/png;base64,AAAA"}), "picture 0 is no picture in a format that is read"),
+    (set_to("images", 0, value={"uri": "data:image/png;base64,AAAA"}), "picture 0: not a picture in a format that is read"),
     (set_to("textures", 0, value={"extensions": {}}), "a texture is in a format that is not read"),
     (set_to("nodes", 0, "scale", value=[1e-3, 1e-3, 1e-3]), r"it is 4\.4 mm across, .*glTF is in metres: scale the model"),
     (set_to("nodes", 0, "scale", value=[2e3, 2e3, 2e3]), r"it is 8\.8e\+06 mm across, .*was it written in mm"),

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,9 @@ import pytest
 from PIL import Image
 
 import mirror_cad
-from mirror_cad.errors import MirrorError
+from mirror_cad.errors import MirrorError, SpecError
 from mirror_studio.cli import run
-from mirror_studio.drive.mirrors import driven_mirror, on_vehicle
+from mirror_studio.drive.mirrors import NAME, driven_mirror, named_apart, on_vehicle
 from mirror_studio.drive.pictures import World, both_eyes, camera_at
 from mirror_studio.drive.reference import lane_on_plane, plane_mm, reference_picture
 from mirror_studio.drive.sensitivity import with_radii
@@ -24,6 +25,7 @@ from mirror_studio.scene_file import SceneFile, load_scene
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import STRAIGHT
 from tests.conftest import designed
+from tests.test_bodies import Glb, car
 
 ROAD = """
 [aim]
@@ -250,6 +252,48 @@ def test_a_body_without_paint_a_broken_one_and_two_mirrors_of_one_name_are_refus
         World(load_scene(tmp_path / "bad.toml"))
     assert run(["drive", "flat", "flat", "--out", str(tmp_path / "out")]) == 2
     assert not (tmp_path / "out").exists()
+
+
+def test_what_a_body_s_look_loses_is_said_once_a_file(tmp_path: Path) -> None:
+    """Two objects of one file, and one of another that loses nothing."""
+    for name, look in (("lamp", {"emissiveFactor": [1.0, 0.0, 0.0]}), ("post", {})):
+        Glb().mesh(*car(), material={"pbrMetallicRoughness": {"metallicFactor": 0.0}} | look).write(tmp_path / f"{name}.glb")
+    things = "".join(f'[[object]]\nbody = "{name}.glb"\nx_m = {x}\ny_m = -5.0\n' for name, x in
+                     (("lamp", 20.0), ("lamp", 30.0), ("post", 40.0)))
+    (tmp_path / "yard.toml").write_text(f'name = "yard"\n[aim]\n[own_vehicle]\nbody = "none"\n[road]\n{things}')
+    assert World(load_scene(tmp_path / "yard.toml")).left_out == ["lamp.glb: left out: emission"]
+
+
+@pytest.mark.parametrize(("given", "names"), [
+    (["c.step", "c.stl"], ["c.step", "c.stl"]),  # by the ending
+    (["c.step", "c.STL", "d.step"], ["c.step", "c.STL", "d"]),
+    (["old/c.step", "new/c.step"], ["old-c", "new-c"]),  # by the folder
+    (["old/parts/c.step", "new/parts/c.step"], ["old-c", "new-c"]),
+    (["c.step", "new/c.step"], ["c", "new-c"]),
+    (["old/a/c.step", "new/a/c.step", "new/b/c.step"], ["old-a-c", "new-a-c", "new-b-c"]),
+    (["old/c.step", "new/c.step", "new/c.obj"], ["old-c.step", "new-c.step", "new-c.obj"]),  # by both
+    (["c", "c.toml"], ["c", "c.toml"]),  # a preset and a specification
+    (["one.toml", "two.toml"], ["c-one", "c-two"]),  # two specifications that say the same name
+    (["c.step", "b.step", "c.stl", "new/b.step"], ["c.step", "b", "c.stl", "new-b"]),
+    (["old (2)/c.step", "new/c.step"], ["old_2_-c", "new-c"]),
+    ([f"{'long' * 20}/c.step", "new/c.step"], ["c-1", "c-2"]),
+])
+def test_mirrors_of_equal_names_are_told_apart_by_what_differs(scene: SceneFile, given: list[str], names: list[str]) -> None:
+    """What else could be equal: presets, specifications, files; in the same folder, below one another, side by side."""
+    made = on_vehicle("c", Reflector.from_mirror(designed("flat")), scene)
+    mirrors = [replace(made, name=Path(each).stem if "." in each and not each.endswith(".toml") else "c") for each in given]
+    apart = [mirror.name for mirror in named_apart(mirrors, given)]
+    assert apart == names
+    assert all(re.fullmatch(NAME, name) for name in apart)
+
+
+def test_a_mirror_given_twice_and_one_whose_name_is_no_file_s_are_refused(scene: SceneFile) -> None:
+    made = on_vehicle("c", Reflector.from_mirror(designed("flat")), scene)
+    for given in (["c", "c"], ["c.step", "./c.step"], ["a/../c.step", "c.step"]):
+        with pytest.raises(SpecError, match="'c' is given twice: give each mirror once"):
+            named_apart([made, made], given)
+    with pytest.raises(SpecError, match="a mirror's file is called 'a/b': rename it"):
+        named_apart([replace(made, name="a/b")], ["a/b"])
 
 
 def test_a_mirror_mesh_in_metres_is_refused_with_its_size(tmp_path: Path, scene: SceneFile) -> None:

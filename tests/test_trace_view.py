@@ -70,16 +70,16 @@ def test_a_mesh_has_it_to_its_vertices_and_normals() -> None:
     corner = np.arange(x.size).reshape(x.shape)[:-1, :-1].ravel()
     faces = np.concatenate([np.stack([corner, corner + 321, corner + 322], axis=1),
                             np.stack([corner, corner + 322, corner + 1], axis=1)]).astype(np.int32)
-    mesh = Reflector(mesh=SurfaceMesh(vertices, faces), normals="interpolated")
+    mesh = Reflector.of_mesh(SurfaceMesh(vertices, faces), "interpolated")
     # Interpolated normals of 1 mm facets at the very edge: some 1e-6 rad of each ray.
     assert h_fov_between_edges(mesh, EYE, box_of(mesh)) == pytest.approx(between((-115.0, 115.0)), abs=1e-3)
-    facets = Reflector(mesh=SurfaceMesh(vertices, faces))
+    facets = Reflector.of_mesh(SurfaceMesh(vertices, faces))
     assert h_fov_between_edges(facets, EYE, box_of(facets)) == pytest.approx(between((-114.5, 114.5)), abs=2e-3)
 
 
 def test_an_eye_that_sees_nothing_on_the_row_has_no_field_of_view() -> None:
     reflector = Reflector.from_mirror(design(spec_of(constant(1250.0), constant(1250.0))))
-    mesh = Reflector(mesh=SurfaceMesh(np.array([[-50.0, 20, 0], [50, 20, 0], [0, 90, 0]]), np.array([[0, 1, 2]], np.int32)))
+    mesh = Reflector.of_mesh(SurfaceMesh(np.array([[-50.0, 20, 0], [50, 20, 0], [0, 90, 0]]), np.array([[0, 1, 2]], np.int32)))
     assert h_fov_between_edges(mesh, EYE, box_of(mesh)) is None
     assert h_fov_between_edges(mesh, -EYE, box_of(mesh)) is None
     assert h_fov_between_edges(reflector, EYE, box_of(reflector)) is not None

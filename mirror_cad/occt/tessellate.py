@@ -91,7 +91,8 @@ def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
 
 
 def read_stl(path: Path) -> SurfaceMesh:
-    """The triangles of a binary or ASCII STL file, equal corners as one vertex. Raises: FileError for one that holds none."""
+    """The triangles of a binary or ASCII STL file, equal corners as one vertex. Raises: FileError for one that holds none, or
+    corners that are not finite."""
     if not path.is_file():
         raise FileError(f"{path}: no such file")
     corners = _binary_corners(path)
@@ -105,6 +106,8 @@ def read_stl(path: Path) -> SurfaceMesh:
     nodes = [triangulation.Node(i) for i in range(1, triangulation.NbNodes() + 1)]
     faces = np.array([triangulation.Triangle(i).Get() for i in range(1, triangulation.NbTriangles() + 1)], dtype=np.int32)
     vertices = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
+    if not np.isfinite(vertices).all():
+        raise FileError(f"{path}: a facet has a corner that is not finite")
     return SurfaceMesh(vertices, faces - 1)
 
 

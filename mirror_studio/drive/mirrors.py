@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import tempfile
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +27,7 @@ from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import box_of
 
 SMALLEST_MM, LARGEST_MM = 10.0, 1e4  # across: what a mirror on a vehicle can be
+NAME = r"[\w.-][\w. -]{0,63}"  # of a mirror, which names its files
 FILES = (".step", ".stp", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
 
 
@@ -108,12 +111,50 @@ def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec |
     return mirror
 
 
-def named_apart(mirrors: list[DrivenMirror]) -> None:
-    """Raise SpecError where two mirrors would write the same files, or one no file of its name."""
-    names = [mirror.name for mirror in mirrors]
-    for name in names:
-        if not re.fullmatch(r"[\w.-][\w. -]{0,63}", name):
-            raise SpecError(f"a mirror's file is called {name!r}: rename it, its name names other files; letters, digits, '.', "
-                            "'_', '-' and blanks serve")
-        if names.count(name) > 1:
-            raise SpecError(f"two of the mirrors are called {name!r}: rename one, its name names its files")
+def named_apart(mirrors: Sequence[DrivenMirror], given: Sequence[str]) -> list[DrivenMirror]:
+    """The mirrors, those of equal names told apart by what differs in what was given for them: the ending, the folders, both.
+
+    Raises: SpecError where one is given twice, or would write no file of its name.
+    """
+    for mirror in mirrors:
+        if not re.fullmatch(NAME, mirror.name):
+            raise SpecError(f"a mirror's file is called {mirror.name!r}: rename it, its name names other files; letters, "
+                            "digits, '.', '_', '-' and blanks serve")
+    taken = Counter(mirror.name for mirror in mirrors)
+    apart = [mirror.name for mirror in mirrors]
+    for name in [name for name, count in taken.items() if count > 1]:
+        rows = [k for k, mirror in enumerate(mirrors) if mirror.name == name]
+        others = {each for k, each in enumerate(apart) if k not in rows}
+        for k, new in zip(rows, _told_apart(name, [given[k] for k in rows], others), strict=True):
+            apart[k] = new
+    return [mirror if mirror.name == name else replace(mirror, name=name) for mirror, name in zip(mirrors, apart, strict=True)]
+
+
+def _told_apart(name: str, given: list[str], others: set[str]) -> list[str]:
+    """Another name for each of the files of one name; presets keep theirs."""
+    files = [Path(each) if each.lower().endswith((*FILES, ".toml")) else None for each in given]
+    places = [each if file is None else str(file.resolve()) for each, file in zip(given, files, strict=True)]
+    if len(set(places)) < len(places):
+        raise SpecError(f"{name!r} is given twice: give each mirror once")
+    folders = _differing([() if file is None else file.resolve().parent.parts for file in files])
+    endings = ["" if file is None else file.suffix for file in files]
+    stems = [name if file is None or file.stem == name else f"{name}-{file.stem}" for file in files]
+    plain, none = [name] * len(given), [""] * len(given)
+    bare: list[list[str]] = [[] for _ in given]
+    for before, middle, after in ((bare, plain, endings), (folders, plain, none), (folders, plain, endings),
+                                  (bare, stems, none), (folders, stems, endings)):
+        found = ["-".join([*folder, stem]) + ending for folder, stem, ending in zip(before, middle, after, strict=True)]
+        usable = all(re.fullmatch(NAME, each) for each in found)
+        if usable and len(set(found)) == len(found) and not others.intersection(found):
+            return found
+    return [f"{name}-{number}" for number in range(1, len(given) + 1)]  # names too long, or taken
+
+
+def _differing(folders: list[tuple[str, ...]]) -> list[list[str]]:
+    """What is left of paths without the folders that all begin with, and those that all end with."""
+    shared = next((k for k, column in enumerate(zip(*folders, strict=False)) if len(set(column)) > 1),
+                  min(map(len, folders)))
+    left = [list(parts[shared:]) for parts in folders]
+    while all(left) and len({parts[-1] for parts in left}) == 1:
+        left = [parts[:-1] for parts in left]
+    return [[re.sub(r"[^\w.-]+", "_", part) for part in parts] for parts in left]

@@ -44,6 +44,11 @@ class World:
         self.woods = Woods() if self.road is not None else None  # the horizon of a scene that brings its own ground is its own
         self.reflectance = scene.mirror.reflectance
 
+    @property
+    def left_out(self) -> list[str]:
+        """What of the bodies' looks is not drawn, a line a file."""
+        return sorted({body.left_out for body in self.bodies} - {""})
+
     @cached_property
     def lit(self) -> LitWorld:
         """The lit world: what mirrors show."""

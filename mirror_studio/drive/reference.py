@@ -32,6 +32,8 @@ def write_reference(scene: SceneFile, out: Path, progress: Progress) -> dict[str
     with new_set(out) as folder:
         progress.step(f"{scene.name}: reading bodies")
         world = World(scene)
+        for line in world.left_out:
+            progress.step(line)
         progress.step(f"{scene.name}: photographing")
         write_png(folder / "reference.png", reference_picture(scene, world, progress.share))
         (folder / "reference.toml").write_text(_specification(scene, lane), encoding="utf-8")

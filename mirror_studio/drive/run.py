@@ -33,9 +33,11 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
         for name in names:
             progress.step(f"{name}: making and aiming")
             mirrors.append(driven_mirror(name, scene))
-        named_apart(mirrors)
+        mirrors = named_apart(mirrors, names)
         progress.step(f"{scene.name}: reading bodies")
         world = World(scene)
+        for line in world.left_out:
+            progress.step(line)
         bodies = {name: body for name, body in world.named if name}
         asked = asked_of(scene, bodies)
         measured, changes, rays = [], [], {}
@@ -49,13 +51,13 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
             changes.append(sensitivity(mirror, lambda each: main_figures(each, asked), MM * scene.mirror.bezel_over_m))
         progress.step("drawings and sheet")
         content = _write(folder, scene, measured, changes, rays,
-                         [(name, footprint(body.vertices)) for name, body in bodies.items()])
+                         [(name, footprint(body.vertices)) for name, body in bodies.items()], world.left_out)
     progress.step(f"done: open {out / 'index.html'}")
     return content
 
 
 def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, dict[str, float | None]]],
-           rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]]) -> dict[str, Any]:
+           rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]], left_out: list[str]) -> dict[str, Any]:
     found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name]}
              for each, change in zip(measured, changes, strict=True)]
     drawings.magnification_maps(folder / "maps.png", measured)
@@ -66,7 +68,7 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
     content = dict(zip(names, found, strict=True))
     write_json(folder / "measures.json", content)
     write_csv(folder / "measures.csv", measured)
-    write_sheet(folder / "index.html", scene, measured, found, lines_width)
+    write_sheet(folder / "index.html", scene, measured, found, lines_width, left_out)
     specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
                                    "versions": versions(), "files": hashes(folder)})

@@ -27,15 +27,19 @@ def picture_name(mirror: str) -> str:
 
 
 def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]],
-                lines_width: float) -> None:
-    """Write index.html, which shows the pictures and drawings beside it; lines_width : of the lines' drawing, of the page's."""
+                lines_width: float, left_out: Sequence[str] = ()) -> None:
+    """Write index.html, which shows the pictures and drawings beside it.
+
+    lines_width : of the lines' drawing, of the page's.   left_out : what of bodies is not drawn.
+    """
     groups = [(group, [(row, cells(row, measured)) for row in rows]) for group, rows in groups_of(measured)]
     mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
                 "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
-        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", facts=_facts(scene),
+        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}",
+        facts=_facts(scene) + ([("Bodies", "; ".join(left_out))] if left_out else []),
         lead=_lead(scene) if len(measured) > 1 else "", one_scale=_one_scale(measured),
         lines_percent=f"{100.0 * lines_width:.1f}", radii_of=_designed(measured),
         mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from mirror_cad.errors import FileError
 from raytrace.embree import TriangleScene
 from raytrace.errors import SceneError
-from raytrace.scene.gltf import decoded, read_gltf
+from raytrace.pictures import decoded
+from raytrace.polygon_mesh import FARTHEST, misplaced
+from raytrace.scene.gltf import read_gltf
 from raytrace.scene.materials import Colour, Material
 from raytrace.scene.parts import Joined, Part, joined
 from raytrace.scene.visibility import Contact, contact, vertex_openness
@@ -27,6 +30,7 @@ Up = Literal["z", "y"]
 SMALLEST_MM, LARGEST_MM = 30.0, 5e6
 MAX_TRIANGLES = 5_000_000  # some 2 GB; cars have 10⁴ to 10⁵
 MAX_SHADED = 200_000  # vertices that the sky's share is computed for: some 10 s
+HIDES_FROM = 0.5  # mean cover of a material from which it hides the sky, all of it
 PAINT = "paint"  # the material whose colour a scene may choose
 # y up and the front at +z, as glTF has it, to X rearward, Y right, Z up.
 WORLD_FROM_Y_UP = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -39,7 +43,8 @@ class Body:
     vertices, normals (n, 3); uv (n, 2), NaN where there is none, v = 0 at a texture's first row; sky (n,): the
     cosine-weighted share of the half space above the vertex's normal that sees past the body, ground included.
     faces (m, 3) int32, counter-clockwise seen from outside; material (m,) int32, an index into `materials`.
-    contact : its shadow from the sky on the ground, if any.
+    contact : its shadow from the sky on the ground, if any.   colours (n, 4) : linear RGB and cover of the vertices, 0 … 1,
+    that the materials' are multiplied by.   left_out : a line that says what of its file's look is not drawn, "" for all.
     """
 
     vertices: Array
@@ -50,6 +55,8 @@ class Body:
     material: NDArray[np.int32]
     materials: tuple[Material, ...]
     contact: Contact | None = None
+    colours: Array | None = None
+    left_out: str = ""
 
     def placed(self, position_mm: ArrayLike, heading_deg: float = 0.0) -> Body:
         """The body turned about Z and moved: at heading 0 it looks ahead (−X), at 90 to the right (+Y).
@@ -103,12 +110,13 @@ def read_body(path: str | Path, unit: str | None = None, up: Up = "z") -> Body:
     if kind in GLTF_KINDS:
         if unit not in (None, "m"):
             raise SceneError(f"{path}: glTF is in metres by its standard, unit = {unit!r} is refused: scale the model")
-        parts, ground = read_gltf(path, decoded)
-        scale, axes = 1000.0, WORLD_FROM_Y_UP
+        read = read_gltf(path, partial(decoded, as_stored=True))
+        parts, ground, left_out = read.parts, read.ground, read.left_out
+        scale, axes = 1000.0 * read.metres, WORLD_FROM_Y_UP
     else:
         from raytrace.mesh_files import read_parts
 
-        parts, named = read_parts(path, MAX_TRIANGLES, decoded)
+        parts, named, left_out = read_parts(path, MAX_TRIANGLES, decoded)
         scale = MM_PER_UNIT[unit] if unit is not None else (named or 1.0)
         axes = WORLD_FROM_Y_UP if up == "y" else np.eye(3)
     parts = _checked(path, parts)
@@ -117,8 +125,9 @@ def read_body(path: str | Path, unit: str | None = None, up: Up = "z") -> Body:
     if len(whole.faces) == 0:
         raise FileError(f"{path}: none of its triangles has an area")
     vertices = scale * whole.vertices @ axes.T
-    return _shaded(whole._replace(vertices=vertices, normals=whole.normals @ axes.T),
+    body = _shaded(whole._replace(vertices=vertices, normals=whole.normals @ axes.T),
                    None if ground is None else _contact(path, ground))
+    return replace(body, left_out=f"{path.name}: left out: {', '.join(left_out)}" if left_out else "")
 
 
 def body_of(vertices: ArrayLike, faces: ArrayLike, material: Material, normals: ArrayLike | None = None,
@@ -130,15 +139,19 @@ def body_of(vertices: ArrayLike, faces: ArrayLike, material: Material, normals: 
 
 
 def _shaded(whole: Joined, shadow: Contact | None) -> Body:
-    """The body, with the sky's share where it is missing."""
-    scene = TriangleScene(whole.vertices, whole.faces)
+    """The body, with the sky's share where it is missing: hidden by what covers half or more of what is behind it."""
+    hides = np.array([material.mean_cover >= HIDES_FROM for material in whole.materials])[whole.material]
+    scene = TriangleScene(whole.vertices, whole.faces[hides]) if hides.any() else None
     sky = whole.sky
     missing = np.isnan(sky)
     if missing.any():
         few = np.count_nonzero(missing) <= MAX_SHADED
-        sky = np.where(missing, vertex_openness(scene, whole.vertices, whole.normals, whole.faces) if few else 1.0, sky)
+        sky = np.where(missing, 1.0 if scene is None or not few else
+                       vertex_openness(scene, whole.vertices, whole.normals, whole.faces), sky)
+    if shadow is None and scene is not None:
+        shadow = contact(scene, whole.vertices)
     return Body(whole.vertices, whole.normals, whole.uv, np.clip(sky, 0.0, 1.0), whole.faces, whole.material, whole.materials,
-                shadow if shadow is not None else contact(scene, whole.vertices))
+                shadow, whole.colours)
 
 
 def _checked(path: Path, parts: list[Part]) -> list[Part]:
@@ -152,11 +165,10 @@ def _checked(path: Path, parts: list[Part]) -> list[Part]:
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
             raise FileError(f"{path}: a triangle names vertex {int(part.faces.max())} of {len(part.vertices)}")
-        whole = np.asarray(np.isfinite(part.vertices).all(axis=1))
-        finite = whole[part.faces].all(axis=1)
-        if not finite.all():
-            raise FileError(f"{path}: triangle {int(np.argmin(finite))} has a corner that is not finite")
-        for name, values in (("normal", part.normals), ("sky share", part.sky)):
+        wrong = misplaced(part.vertices)[part.faces].any(axis=1)
+        if wrong.any():
+            raise FileError(f"{path}: triangle {int(np.argmax(wrong))} has a corner that is not finite, or beyond {FARTHEST:g}")
+        for name, values in (("normal", part.normals), ("sky share", part.sky), ("colour", part.colours)):
             if values is not None and not np.isfinite(values[np.unique(part.faces)]).all():
                 raise FileError(f"{path}: a vertex has a {name} that is not finite")
     return parts

@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace.embree import TriangleScene
+from raytrace.embree import Hits, TriangleScene
 from raytrace.parallel import parallel_for
 from raytrace.scene import shading
 from raytrace.scene.bodies import Body
+from raytrace.scene.cutouts import MAX_BLENDED, MIN_SEEN, Cutouts
 from raytrace.scene.daylight import Daylight
-from raytrace.scene.materials import Palette, diffuse_colours
+from raytrace.scene.materials import Material, Palette, diffuse_colours
 from raytrace.scene.road import Road
 from raytrace.scene.shading import MIN_SLOPES, MIRRORED_SLOPES, Light, Mesh, SurfaceInteraction
 from raytrace.scene.woods import Woods
@@ -123,8 +124,24 @@ class LitWorld:
         return Mesh(parts[0], parts[1], parts[2], parts[3], faces, which, _uv_per_mm(parts[0], parts[2], faces))
 
     @cached_property
+    def _colours(self) -> Array | None:
+        """Colours and cover (n, 4) of all vertices, where a body has them."""
+        if all(body.colours is None for body in self.bodies):
+            return None
+        return np.concatenate([np.ones((len(body.vertices), 4)) if body.colours is None else body.colours
+                               for body in self.bodies])
+
+    @cached_property
+    def _materials(self) -> tuple[Material, ...]:
+        return tuple(material for body in self.bodies for material in body.materials)
+
+    @cached_property
+    def _cutouts(self) -> Cutouts | None:
+        return Cutouts.of(self._materials, self._mesh, self._colours, self._lift)
+
+    @cached_property
     def _palette(self) -> Palette:
-        return Palette.of([material for body in self.bodies for material in body.materials])
+        return Palette.of(self._materials)
 
     @cached_property
     def _light(self) -> Light:
@@ -141,12 +158,17 @@ class LitWorld:
 
     def __post_init__(self) -> None:
         # Made before threads ask for them.
-        _ = self.scene, self._palette, self._light, self._shadows, self._lift
+        _ = self.scene, self._palette, self._light, self._shadows, self._lift, self._colours, self._cutouts
 
-    def _trace(self, origins: Array, directions: Array, spread: Array, radius: Array, first: bool, out: Array) -> None:
-        """Radiance into `out`; `first`: rays that see the sun's disc and what smooth bodies mirror; mirrored ones do not."""
+    def _trace(self, origins: Array, directions: Array, spread: Array, radius: Array, first: bool, out: Array,
+               beyond: Array | None = None, layer: int = 0) -> None:
+        """Radiance into `out`; `first`: rays that see the sun's disc and what smooth bodies mirror; mirrored ones do not.
+
+        beyond (n,) : bodies nearer than this are left out, as the blended ones before them, `layer` in number.
+        """
         n = len(directions)
-        hits = self.scene.first_hits(origins, directions)
+        hits = self.scene.first_hits(origins, directions) if self._cutouts is None else self._cutouts.first_hits(
+            self.scene, origins, directions, beyond)
         found = SurfaceInteraction.empty(n)
         on_ground, met = shading.places(origins, directions, spread, radius, *hits, self._mesh, self._light.sun,
                                         self.road is not None, self._lift, found)
@@ -154,13 +176,30 @@ class LitWorld:
         if met < n:
             shading.surroundings(directions, spread, self._light, first, out)
         if met > 0:
-            self._shade(found, on_ground, directions, spread, first, out)
+            self._shade(found, on_ground, directions, spread, first, hits, out)
+            if self._cutouts is not None and layer < MAX_BLENDED:
+                body = found.rows(slice(on_ground, met))
+                self._blend(self._cutouts, body, hits, (origins, directions, spread, radius), first, layer, out)
         if self.woods is not None:
             nearest = np.full(n, np.inf)
             nearest[found.ray] = found.distance
             self._edge_of(self.woods.met(origins, directions, spread, radius, nearest, self._light.sun), directions, out)
 
-    def _shade(self, found: SurfaceInteraction, on_ground: int, directions: Array, spread: Array, first: bool,
+    def _blend(self, cutouts: Cutouts, body: SurfaceInteraction, hits: Hits, rays: tuple[Array, Array, Array, Array], first: bool,
+               layer: int, out: Array) -> None:
+        """Lay what blended bodies show over what is behind them."""
+        blended = body.ray[cutouts.blended[body.material]]
+        share = cutouts.cover(hits.triangle[blended], hits.u[blended], hits.v[blended])
+        blended, share = blended[share < 1.0 - MIN_SEEN], share[share < 1.0 - MIN_SEEN, None]
+        if len(blended) == 0:
+            return
+        origins, directions, spread, radius = rays
+        behind = np.empty((len(blended), 3))
+        self._trace(origins if len(origins) == 1 else np.ascontiguousarray(origins[blended]), directions[blended],
+                    spread[blended], radius[blended], first, behind, hits.distance[blended] + self._lift, layer + 1)
+        out[blended] = share * out[blended] + (1.0 - share) * behind
+
+    def _shade(self, found: SurfaceInteraction, on_ground: int, directions: Array, spread: Array, first: bool, hits: Hits,
                out: Array) -> None:
         """Light from the places that rays meet."""
         met = len(found.ray)
@@ -172,6 +211,10 @@ class LitWorld:
                 self._shadows.darken(found.point[:on_ground], found.sky[:on_ground])
                 self._shadows.darken(body.foot, body.ground)
         diffuse_colours(self._palette, body.material, body.uv, body.covered, diffuse[on_ground:])
+        if self._colours is not None:
+            u, v = hits.u[body.ray, None], hits.v[body.ray, None]
+            a, b, c = (self._colours[self._mesh.faces[hits.triangle[body.ray], k], :3] for k in range(3))
+            diffuse[on_ground:] *= np.clip((1.0 - u - v) * a + u * b + v * c, 0.0, 1.0)
         bounce, image = np.empty((2, met - on_ground, 3))
         shading.mirrored(body, directions, bounce)
         shading.surroundings(bounce, body.radius, self._light, False, image)
@@ -210,7 +253,9 @@ class LitWorld:
         if not self._light.sun_irradiance.any():
             return lit
         rows = np.flatnonzero(lit)
-        lit[rows] = ~self.scene.occluded(found.start[rows], np.broadcast_to(self._light.sun, (len(rows), 3)))
+        to_sun = np.broadcast_to(self._light.sun, (len(rows), 3))
+        lit[rows] = ~(self.scene.occluded(found.start[rows], to_sun) if self._cutouts is None
+                      else self._cutouts.occluded(self.scene, found.start[rows], to_sun))
         return lit
 
 

@@ -27,6 +27,8 @@ class Material:
     specular : reflectance of the surface at normal incidence (Schlick's F0), linear sRGB.
     roughness : its square is the width α of the GGX distribution of slopes; 0 is a mirror, 1 is matt.
     texture (h, w, 3) : sRGB, row 0 at v = 0, repeated beyond 0 … 1.
+    opacity : the share of what is behind that the surface covers, 0 … 1; times `cover` (h, w), 0 … 255, laid as the texture.
+    cutoff : where the surface covers less than this, there is none, and elsewhere it covers all; without it it is blended.
     Raises: SceneError for values outside 0 … 1 and for textures of another shape.
     """
 
@@ -35,15 +37,35 @@ class Material:
     specular: Colour = DIELECTRIC
     roughness: float = 1.0
     texture: Picture | None = None
+    opacity: float = 1.0
+    cover: Picture | None = None
+    cutoff: float | None = None
 
     def __post_init__(self) -> None:
-        for what, values in (("diffuse", self.diffuse), ("specular", self.specular), ("roughness", (self.roughness,))):
+        for what, values in (("diffuse", self.diffuse), ("specular", self.specular), ("roughness", (self.roughness,)),
+                             ("opacity", (self.opacity,))):
             if not all(0.0 <= value <= 1.0 for value in values):
                 raise SceneError(f"material {self.name!r}: {what} {values} must lie from 0 to 1")
         if self.texture is not None and (self.texture.ndim != 3 or self.texture.shape[2] != 3 or not self.texture.size
                                          or self.texture.dtype != np.uint8):
             raise SceneError(f"material {self.name!r}: a texture is (h, w, 3) of uint8, not {self.texture.shape} of "
                              f"{self.texture.dtype}")
+        if self.cover is not None and (self.cover.ndim != 2 or not self.cover.size or self.cover.dtype != np.uint8):
+            raise SceneError(f"material {self.name!r}: a cover is (h, w) of uint8, not {self.cover.shape} of "
+                             f"{self.cover.dtype}")
+        if self.cutoff is not None and not self.cutoff >= 0.0:
+            raise SceneError(f"material {self.name!r}: cutoff {self.cutoff} must be 0 or more")
+
+    @property
+    def whole(self) -> bool:
+        """Whether it covers all that is behind it, wherever it is."""
+        return self.cutoff is None and self.opacity == 1.0 and self.cover is None
+
+    @property
+    def mean_cover(self) -> float:
+        """The share of what is behind that it covers, in the mean over its picture."""
+        share = self.opacity * (np.ones((1, 1)) if self.cover is None else self.cover / 255.0)
+        return float((share if self.cutoff is None else share >= self.cutoff).mean())
 
 
 class Palette(NamedTuple):

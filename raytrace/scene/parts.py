@@ -23,7 +23,8 @@ class Part:
     """Triangles of one material, as the file has them.
 
     vertices (n, 3), faces (m, 3); where the file has them: normals (n, 3) unit, uv (n, 2) with v = 0 at the picture's first
-    row, sky (n,): the share of the surroundings that each vertex sees.
+    row, sky (n,): the share of the surroundings that each vertex sees, colours (n, 4): linear RGB and cover, 0 … 1, that
+    the material's are multiplied by.
     """
 
     vertices: Array
@@ -32,10 +33,12 @@ class Part:
     normals: Array | None = None
     uv: Array | None = None
     sky: Array | None = None
+    colours: Array | None = None
 
 
 class Joined(NamedTuple):
-    """All parts as one: material (m,) is an index into `materials`; sky is NaN where no part has it."""
+    """All parts as one: material (m,) is an index into `materials`; sky is NaN where no part has it; colours are
+    None where none has them."""
 
     vertices: Array
     normals: Array
@@ -44,6 +47,7 @@ class Joined(NamedTuple):
     faces: NDArray[np.int32]
     material: NDArray[np.int32]
     materials: tuple[Material, ...]
+    colours: Array | None
 
 
 def joined(parts: Sequence[Part]) -> Joined:
@@ -59,7 +63,9 @@ def joined(parts: Sequence[Part]) -> Joined:
         np.concatenate([_numbers(part.sky, (len(part.vertices),)) for part in whole]),
         np.concatenate([part.faces + offset for part, offset in zip(whole, offsets, strict=False)]).astype(np.int32),
         np.concatenate([np.full(len(part.faces), number[id(part.material)], dtype=np.int32) for part in whole]),
-        tuple(materials))
+        tuple(materials),
+        None if all(part.colours is None for part in whole) else np.concatenate(
+            [np.ones((len(part.vertices), 4)) if part.colours is None else part.colours for part in whole]))
 
 
 def _numbers(values: Array | None, shape: tuple[int, ...]) -> Array:
@@ -67,19 +73,20 @@ def _numbers(values: Array | None, shape: tuple[int, ...]) -> Array:
 
 
 def _with_normals(part: Part) -> Part:
-    """The part with a vertex for every place, texture coordinate and normal that its corners have."""
+    """The part with a vertex for every place, texture coordinate, colour and normal that its corners have."""
     places, same = np.unique(part.vertices + 0.0, axis=0, return_inverse=True)
     same = same.ravel()
     mesh = SurfaceMesh(places, same[part.faces].astype(np.int32))
     has_area = mesh.facet_normals().any(axis=1)
     faces = part.faces[has_area]
     if len(faces) == 0:
-        return Part(part.vertices, faces, part.material, np.zeros_like(part.vertices), part.uv, part.sky)
+        return Part(part.vertices, faces, part.material, np.zeros_like(part.vertices), part.uv, part.sky, part.colours)
     normals = corner_normals(SurfaceMesh(places, same[faces].astype(np.int32))).reshape(-1, 3)
-    uv = part.uv[faces.ravel()] if part.uv is not None else np.zeros((faces.size, 2))
-    texture = np.unique(uv, axis=0, return_inverse=True)[1].ravel()
+    given = [np.nan_to_num(values[faces.ravel()]) for values in (part.uv, part.colours) if values is not None]
+    texture = np.unique(np.column_stack(given), axis=0, return_inverse=True)[1].ravel() if given else np.zeros(faces.size, int)
     keys = np.column_stack([same[faces.ravel()], texture, np.rint(normals / NORMAL_STEP).astype(np.int64)])
     _, first, corner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     vertex = faces.ravel()[first]
     return Part(part.vertices[vertex], corner.reshape(-1, 3), part.material, normals[first],
-                None if part.uv is None else part.uv[vertex], None if part.sky is None else part.sky[vertex])
+                None if part.uv is None else part.uv[vertex], None if part.sky is None else part.sky[vertex],
+                None if part.colours is None else part.colours[vertex])

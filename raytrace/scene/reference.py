@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -13,13 +12,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
+from raytrace.pictures import PictureError, read_picture
 from raytrace.rays import Trace
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-# Larger pictures hold more than any mirror shows, and would fill the memory when decoded.
-MAX_PIXELS = 120_000_000
 BUILT_IN = "road"
 # What lies beside the picture: dark, so that the mirror keeps its outline where it sees farther than the picture reaches.
 BESIDE = np.array([52.0, 54.0, 58.0])
@@ -114,33 +112,18 @@ def _add_colours(status, points, directions, picture, columns, z, x_max, y_max, 
 
 
 def load_picture(image: str | Path) -> Picture:
-    """Decode the built-in picture ("road") or a picture file to (h, w, 3) uint8.
+    """Decode the built-in picture ("road") or a picture file to (h, w, 3) uint8, as `raytrace.pictures.read_picture`.
 
+    Where the picture is transparent there is none: what lies beside it, BESIDE, is seen through it.
     Raises: SceneError for a file that is missing, no picture, damaged, or larger than MAX_PIXELS (before decoding).
     """
-    from PIL import Image, UnidentifiedImageError
-
     path: Any = resources.files("raytrace") / "scene" / "assets" / "road.jpg" if image == BUILT_IN else Path(image)
     try:
-        with path.open("rb") as stream, warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            picture = Image.open(stream)
-            width, height = picture.size
-            if width * height > MAX_PIXELS:
-                raise SceneError(f"{image}: {width} × {height} elements are too many (at most {MAX_PIXELS // 10**6} million "
-                                 "are read): scale the picture down")
-            if picture.mode.startswith("I;16"):  # Pillow would cut such values off at 255, not scale them
-                gray = (np.asarray(picture, dtype=np.uint16) >> 8).astype(np.uint8)
-                return np.repeat(gray[..., None], 3, axis=2)
-            if picture.mode in ("I", "F"):
-                raise SceneError(f"{image}: values of 32 bits have no agreed white: save the picture with 8 or 16 bits")
-            return np.asarray(picture.convert("RGB"), dtype=np.uint8)
+        with path.open("rb") as stream:
+            return read_picture(stream).over(BESIDE)
     except FileNotFoundError:
         raise SceneError(f"{image}: no such picture (scene.image is \"road\" or a picture file)") from None
-    except Image.DecompressionBombError:
-        raise SceneError(f"{image}: too many elements (at most {MAX_PIXELS // 10**6} million are read): scale the picture "
-                         "down") from None
-    except UnidentifiedImageError:
-        raise SceneError(f"{image}: not a picture in a format that is read (PNG, JPEG, TIFF, WebP, BMP …)") from None
-    except (OSError, SyntaxError, ValueError) as error:
+    except PictureError as error:
+        raise SceneError(f"{image}: {error}") from None
+    except OSError as error:
         raise SceneError(f"{image}: the picture cannot be read: {error}") from None
