@@ -247,8 +247,7 @@ def main(arguments: list[str] | None = None) -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     # Sums that threads share are rounded by how many there are, and figures are to be the same on every machine. Matrices are
     # of a few hundred rows at most: a second thread brings little, and the tracer wants the cores.
-    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # A polite end is an interrupt: what was begun is cleared away.
     interrupt.install()
     code = run(arguments)
