@@ -1,4 +1,4 @@
-"""Curvature κ(x) in, the horizontal profile z(x) with its tangent angle θ(x) out."""
+"""The horizontal profile z(x) of a curvature κ(x), with its tangent angle θ(x)."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class Profile:
 
 
 def sine_of_tangent_angle(kappa: PiecewiseChebyshev, level_mm: float) -> PiecewiseChebyshev:
-    """sin θ(x) = ∫κ dx from where the profile is level: exact, since d(sin θ)/dx = cos θ·dθ/dx = κ."""
+    """Compute sin θ(x) = ∫κ dx from where the profile is level: exact, since d(sin θ)/dx = cos θ·dθ/dx = κ."""
     return kappa.integral(zero_at=level_mm)
 
 
 def existing_interval(sine: PiecewiseChebyshev, level_mm: float, x_min: float, x_max: float) -> tuple[float, float]:
-    """The part of [x_min, x_max] around the level point where |sin θ| stays below STEEPEST_SINE."""
+    """Find the part of [x_min, x_max] around the level point where |sin θ| stays below STEEPEST_SINE."""
     x = np.unique(np.concatenate([np.linspace(x_min, x_max, 4001), sine.breaks, [level_mm]]))
     steep = np.abs(sine(x)) >= STEEPEST_SINE
     right = x[(x > level_mm) & steep]
@@ -74,10 +74,18 @@ def check_profile(sine: PiecewiseChebyshev, level_mm: float, x_min: float, x_max
 
 
 def integrate_exactly(sine: PiecewiseChebyshev, kappa: PiecewiseChebyshev) -> Profile:
-    """z = −∫ tan θ dx by Chebyshev quadrature, exact to rounding error.
+    """Compute z = −∫ tan θ dx by Chebyshev quadrature, exact to rounding error.
 
-    sine : sin θ on the whole interval, below 1 in size.   Raises: nothing; see `check_profile` for what must hold.
-    Source: eq. 2 of Lee et al. (2014) with z'' = κ·(1 + z'²)^(3/2), which is d(sin θ)/dx = κ.
+    Parameters
+    ----------
+    sine : PiecewiseChebyshev
+        sin θ on the whole interval, below 1 in size (`check_profile`).
+    kappa : PiecewiseChebyshev
+        κ, 1/mm.
+
+    References
+    ----------
+    Eq. 2 of Lee et al. (2014) with z'' = κ·(1 + z'²)^(3/2), which is d(sin θ)/dx = κ.
     """
 
     def slope(x: Array) -> Array:
@@ -96,12 +104,31 @@ def integrate_exactly(sine: PiecewiseChebyshev, kappa: PiecewiseChebyshev) -> Pr
 
 
 def integrate_ode(kappa: PiecewiseChebyshev, exact: Profile, method: str, step_mm: float) -> Profile:
-    """The paper's way: g' = −κ·(1 + g²)^(3/2), z' = g in steps of −h from the right end, where the exact profile lends
-    height and slope. The points are joined by the interpolating quintic spline.
+    """Integrate g' = −κ·(1 + g²)^(3/2), z' = g the paper's way, in steps of −h from the right end.
+
+    The exact profile lends height and slope there, and the interpolating quintic spline joins the points.
 
     "euler": g ← g + h·g', z ← z + h·g with the old g (eqs. 4, 5), first order: κ is realised one step late.
     "semi-implicit": the same with z advanced by the new g, which realises κ on time. "rk4": the classical Runge–Kutta
-    rule, fourth order. Raises: ProfileError where the march turns vertical or would take too many steps.
+    rule, fourth order.
+
+    Parameters
+    ----------
+    kappa : PiecewiseChebyshev
+        κ(x), 1/mm, on the interval of `exact`.
+    exact : Profile
+    method : "euler", "semi-implicit" or "rk4"
+    step_mm : float
+        h.
+
+    Raises
+    ------
+    ProfileError
+        Where the profile turns vertical on the way, or it would take too many steps.
+
+    References
+    ----------
+    Eqs. 2, 4 and 5 of Lee et al. (2014).
     """
     length = exact.x_max - exact.x_min
     count = round(length / step_mm)

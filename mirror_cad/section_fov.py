@@ -18,12 +18,28 @@ GAUSS_NODES, STEEPEST_GAUSS = 40, 0.7
 
 
 def section_fov(profile: Profile, x_min: float, x_max: float, eye_distance_mm: float) -> float:
-    """Field of view of the profile alone between its edges, radians: the angle between the two reflected rays.
+    """Compute the field of view of the profile alone between its edges: the angle between the two reflected rays.
 
     The eye is on the axis through the section's centre x_c at the stated distance d, (x_c, z(x_c) + d). A ray to the
     edge (x, z) leaves at the angle atan((x − x_c)/(z(x_c) + d − z)) + 2θ from the axis.
     For a circle of radius R: 2·[2·asin(a/R) + atan(a/(d + R − √(R² − a²)))].
-    Source: table 1 of Lee et al. (2014), whose figures it gives.
+
+    Parameters
+    ----------
+    profile : Profile
+    x_min, x_max : float
+        The edges, mm.
+    eye_distance_mm : float
+        d.
+
+    Returns
+    -------
+    float
+        Radians.
+
+    References
+    ----------
+    Table 1 of Lee et al. (2014), whose figures it gives.
     """
     x = np.array([x_min, x_max])
     centre = np.array([0.5 * (x_min + x_max)])
@@ -33,7 +49,9 @@ def section_fov(profile: Profile, x_min: float, x_max: float, eye_distance_mm: f
 
 
 def section_fov_of_sine(sine: PiecewiseChebyshev, x_min: float, x_max: float, eye_distance_mm: float) -> float:
-    """`section_fov` from sin θ alone: what `match` is solved with, many times over. NaN where the profile turns vertical.
+    """Compute `section_fov` from sin θ alone, radians: what `match` is solved with, many times over.
+
+    NaN where the profile turns vertical.
 
     z(x) − z(x_c) = −∫ tan θ dx by Gauss–Legendre quadrature between the series' breaks; where the profile is steeper than
     STEEPEST_GAUSS that would lose digits, and the whole profile is integrated.
@@ -57,8 +75,16 @@ def section_fov_of_sine(sine: PiecewiseChebyshev, x_min: float, x_max: float, ey
 
 
 def rough_section_fov(x: Array, curvature: Array, level_mm: float, eye_distance_mm: float) -> float:
-    """`section_fov` by the trapezoidal rule on equally spaced x (n,), n odd, from the first to the last; NaN where the
-    profile is steeper than STEEPEST_GAUSS, or vertical: the rule would lose it."""
+    """Compute `section_fov` by the trapezoidal rule, radians; NaN where the profile is steeper than STEEPEST_GAUSS.
+
+    Parameters
+    ----------
+    x, curvature : ndarray
+        (n,) equally spaced from edge to edge, n odd, mm, and κ there, 1/mm.
+    level_mm : float
+        Where θ = 0.
+    eye_distance_mm : float
+    """
     h, middle = x[1] - x[0], len(x) // 2
     sine = np.concatenate([[0.0], np.cumsum(0.5 * h * (curvature[1:] + curvature[:-1]))])
     sine -= np.interp(level_mm, x, sine)
@@ -77,7 +103,14 @@ def _gauss() -> tuple[Array, Array]:
 
 
 def circle_section_fov(curvature: float, half_width_mm: float, eye_distance_mm: float) -> float:
-    """`section_fov` of a circle of curvature 1/R (1/mm) in closed form; 0 is flat, negative concave. Radians."""
+    """Compute `section_fov` of a circle in closed form, radians.
+
+    Parameters
+    ----------
+    curvature : float
+        1/R, 1/mm; 0 is flat, negative concave.
+    half_width_mm, eye_distance_mm : float
+    """
     sag = curvature * half_width_mm**2 / (1.0 + np.sqrt(1.0 - (curvature * half_width_mm) ** 2))
     edge = np.arctan2(half_width_mm, eye_distance_mm + sag)
     return float(2.0 * (2.0 * np.arcsin(curvature * half_width_mm) + edge))

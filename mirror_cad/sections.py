@@ -1,4 +1,4 @@
-"""Profile and vertical curvature law in, the sag z(x, y) of the decoupled surface and its derivatives out."""
+"""The sag z(x, y) of the decoupled surface, vertical circles hung on the profile, and its derivatives."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ class DecoupledSag:
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """z at (x, y), mm, broadcast."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        result: Array = self.profile.height(x) + self.rest(x, y)
+        result: Array = self.profile.height(x) + self.residual_height(x, y)
         return result
 
-    def rest(self, x: Array, y: Array) -> Array:
+    def residual_height(self, x: Array, y: Array) -> Array:
         """z − z_p: minus the circles' sag, mm, broadcast."""
         kappa = self.vertical(x)
         result: Array = -kappa * y**2 / (1.0 + _cosine(kappa, y))

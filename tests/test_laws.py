@@ -463,3 +463,34 @@ def test_many_rows_are_taken_only_smoothly() -> None:
     assert mc.laws.Table(x_mm=tuple(x), radius_mm=(900.0,) * 201)
     with pytest.raises(mc.SpecError, match="takes up to 200 rows, this table has 201"):
         mc.laws.Table(x_mm=tuple(x), radius_mm=(900.0,) * 201, interpolation="linear")
+
+
+# --- a law without a value somewhere ----------------------------------------------------------------------------------
+
+
+TURN = 1.0 / 115.0  # κ at which the profile of a mirror 230 mm wide just turns vertical at its edges
+FLATTER = mc.laws.Constant(radius_mm=1250)
+
+
+@pytest.mark.parametrize("law", [
+    mc.laws.Expression(curvature="0.00001*x"), mc.laws.Expression(curvature="max(0, 0.00001*x)"),
+    mc.laws.Expression(curvature="1e-7*x**2"), mc.laws.Expression(curvature="1e-320 + 0*x"),
+    mc.laws.Expression(curvature="1/x"), mc.laws.Expression(radius="0*x"), mc.laws.Expression(curvature="log(x)"),
+    mc.laws.Constant(radius_mm=math.inf), mc.laws.Constant(radius_mm=115), mc.laws.Constant(radius_mm=115 + 1e-9),
+    mc.laws.Constant(radius_mm=118), mc.laws.Constant(radius_mm=1e308), mc.laws.Linear(right_mm=1e200, left_mm=1250),
+    mc.laws.Power(right_mm=1e308, left_mm=1250, exponent=1e-9), mc.laws.Expression(curvature=f"{2.0 * TURN / 115.0!r}*x"),
+    mc.laws.Zones(right_mm=110, left_mm=111, blend_from="match", match=mc.laws.Match(h_fov_deg=170)),
+    mc.laws.Table(x_mm=[-115, 0, 115], radius_mm=[1250, math.inf, -1250]),
+], ids=repr)
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_laws_that_are_flat_at_a_point_or_turn_vertical_end_in_a_mirror_or_in_words(law: Law) -> None:
+    for horizontal, vertical in ((law, FLATTER), (FLATTER, law)):
+        if horizontal is FLATTER and isinstance(law, Matched) and law.open:
+            continue
+        try:
+            mirror = mc.design(mc.MirrorSpec(horizontal=horizontal, vertical=vertical))
+        except mc.MirrorError as error:
+            assert "nan" not in str(error)
+            continue
+        assert np.isfinite(mirror.surface.poles).all()
+        assert repr(mirror)

@@ -59,10 +59,18 @@ class CurvatureLaw:
     breaks: tuple[Break, ...]
     description: str = field(default="law")
 
-    def series(self, x_min: float, x_max: float) -> PiecewiseChebyshev:
-        """κ on [x_min, x_max] to rounding error.
+    def at(self, x: Array) -> Array:
+        """Evaluate κ at x (n,), 1/mm, infinite or NaN and without a warning where the law has no value there."""
+        with np.errstate(all="ignore"):
+            return self.function(x)
 
-        Raises: SpecError where κ is not finite or above LARGEST_CURVATURE, with the place.
+    def series(self, x_min: float, x_max: float) -> PiecewiseChebyshev:
+        """Make κ on [x_min, x_max] a series, to rounding error.
+
+        Raises
+        ------
+        SpecError
+            Where κ is not finite or above LARGEST_CURVATURE, with the place.
         """
 
         from mirror_cad.surfaces.piecewise import (
@@ -70,7 +78,7 @@ class CurvatureLaw:
         )
 
         def checked(x: Array) -> Array:
-            kappa = self.function(x)
+            kappa = self.at(x)
             bad = ~(np.abs(kappa) <= LARGEST_CURVATURE)
             if bad.any():
                 value = f"{kappa[bad][0]:.3g} per mm" if np.isfinite(kappa[bad][0]) else "not finite"
@@ -92,10 +100,10 @@ class CurvatureLaw:
         found = [b for b in self.breaks if x_min < b.x_mm < x_max]
         for x in series.tight_breaks(HIDDEN_BREAK_MM):
             if x - x_min > 1e-3 and x_max - x > 1e-3 and all(abs(x - b.x_mm) > 1e-3 for b in found):
-                left, right = self.function(np.array([x - 1e-4, x + 1e-4]))
+                left, right = self.at(np.array([x - 1e-4, x + 1e-4]))
                 jump = abs(right - left) > 1e-3 * float(np.abs(series.coefficients).max())
                 found.append(Break(x, -1 if jump else 0))
-        for x, smoothness in series.joints():
+        for x, smoothness in series.breakpoints():
             if all(abs(x - b.x_mm) > 1e-3 for b in found):
                 found.append(Break(x, smoothness))
         return tuple(sorted(found, key=lambda b: b.x_mm))
@@ -116,7 +124,7 @@ def over_t(radius: Function, span: Span, breaks: dict[float, int], description: 
 
 
 def smooth_extrapolation(law: CurvatureLaw, x_min: float, x_max: float, largest: float) -> CurvatureLaw:
-    """The law as it is on [x_min, x_max], continued beyond without a kink: κ, κ′ and κ″ go on and level off.
+    """Continue a law beyond [x_min, x_max] without a kink: κ, κ′ and κ″ go on and level off.
 
     κ(e + d) = κ(e) + κ′·L·tanh(d/L) + κ″/2·(L·tanh(d/L))², with the one-sided derivatives at the edge e and L a
     tenth of the width, or less where |κ| would come more than half the way from κ(e) to `largest`. A vertical law needs

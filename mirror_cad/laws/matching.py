@@ -71,7 +71,7 @@ def solve_match(law: Law, eye_distance_mm: float, span: Span, x_min: float, x_ma
 
     @cache
     def roughly(value: float) -> float:
-        return rough_section_fov(x, law.with_parameter(value).over(span).function(x), level_mm, distance) - wanted
+        return rough_section_fov(x, law.with_parameter(value).over(span).at(x), level_mm, distance) - wanted
 
     for low, high in itertools.pairwise(values):
         sure = min(abs(roughly(low)), abs(roughly(high))) > ROUGH

@@ -1,11 +1,13 @@
-"""A preset's name or a TOML file in, a MirrorSpec out; every fault found is reported at once."""
+"""Specifications as TOML files and as JSON; every fault found is reported at once."""
 
 from __future__ import annotations
 
 import difflib
 import math
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,30 +23,53 @@ LARGEST_FILE = 10_000_000  # bytes: a specification is a page of text, a table o
 
 
 def preset_names() -> list[str]:
-    """The names of the mirrors that come with the package."""
+    """List the names of the mirrors that come with the package."""
     return names_in(_designs())
 
 
-def names_in(folder: Any) -> list[str]:
-    """What the TOML files of one of the package's folders are called."""
+def names_in(folder: Traversable) -> list[str]:
+    """List what the TOML files of one of the package's folders are called."""
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
 def load_spec(name_or_path: str | Path) -> MirrorSpec:
-    """Read a specification: the name of a preset, or a TOML file.
+    """Read a specification.
 
-    Raises: SpecError with one fault for each unknown, missing, ill-typed or impossible key.
+    Parameters
+    ----------
+    name_or_path : str or Path
+        The name of a preset, or a TOML file.
+
+    Raises
+    ------
+    SpecError
+        With one fault for each unknown, missing, ill-typed or impossible key.
     """
     raw, source, folder = read_toml(name_or_path, _designs(), "preset")
     raw.setdefault("name", Path(name_or_path).stem)
     return validate_spec(raw, source, folder)
 
 
-def read_toml(name_or_path: str | Path, own: Any, kind: str) -> tuple[dict[str, Any], str, Path]:
-    """The keys of a TOML file, or of the one of that name in the package's folder `own`; what to call it in messages; and
-    the folder that file names in it are relative to.
+def read_toml(name_or_path: str | Path, own: Traversable, kind: str) -> tuple[dict[str, Any], str, Path]:
+    """Read a TOML file, or the one of that name in one of the package's folders.
 
-    Raises: SpecError for a file that is missing, too large, no text or no TOML; `kind` says what the package's files are.
+    Parameters
+    ----------
+    name_or_path : str or Path
+    own : Traversable
+        The package's folder.
+    kind : str
+        What its files are called in messages.
+
+    Returns
+    -------
+    dict, str, Path
+        The keys, what to call the file in messages, and the folder that file names in it are relative to.
+
+    Raises
+    ------
+    SpecError
+        For a file that is missing, too large, no text or no TOML.
     """
     path = Path(name_or_path)
     names = names_in(own)
@@ -62,21 +87,36 @@ def read_toml(name_or_path: str | Path, own: Any, kind: str) -> tuple[dict[str, 
         raise SpecError(f"{source}: nested too deeply to be a specification") from None
 
 
-def validate_spec(raw: dict[str, Any], source: str = "specification", folder: Path = Path(".")) -> MirrorSpec:
-    """Check a specification given as nested dictionaries; file names in it are relative to `folder`."""
+def validate_spec(raw: Mapping[str, object], source: str = "specification", folder: Path = Path(".")) -> MirrorSpec:
+    """Check a specification given as nested dictionaries.
+
+    Parameters
+    ----------
+    raw : Mapping
+        Sections with their keys, as TOML holds them.
+    source : str
+        What messages begin with.
+    folder : Path
+        What file names in it are relative to.
+
+    Raises
+    ------
+    SpecError
+        With a sentence for every fault.
+    """
     return validated(MirrorSpec, raw, source, folder)
 
 
-def validated(model: type[Root], raw: dict[str, Any], source: str, folder: Path) -> Root:
-    """Nested dictionaries as a root model has them. Raises: SpecError with a sentence for every fault."""
+def validated(model: type[Root], raw: Mapping[str, object], source: str, folder: Path) -> Root:
+    """Check nested dictionaries by a root model, as `validate_spec` does."""
     try:
-        return model.model_validate(raw, context={"folder": folder})
+        return model.model_validate(dict(raw), context={"folder": folder})
     except (ValidationError, OverflowError) as error:
         raise SpecError(faults(error, raw, model, source)) from None
 
 
 def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
-    """A specification as JSON holds it, which is one again: without what was left out, with an infinite radius as the text
+    """Make JSON of a specification, which can be read again: without what was left out, with an infinite radius as the text
     "inf", and of an outline from a file without the sizes that it replaces."""
 
     def plain(value: Any) -> Any:
@@ -93,7 +133,7 @@ def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
     return content
 
 
-def _designs() -> Any:
+def _designs() -> Traversable:
     return resources.files("mirror_cad") / "designs"
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import difflib
 import unicodedata
+from collections.abc import Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from mirror_cad.laws import Law, registered
 from mirror_cad.limits import limit_units
@@ -25,13 +27,14 @@ LARGEST_WHOLE = 2**63  # what TOML promises to hold
 _UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
 
-def faults(error: ValidationError | OverflowError, raw: dict[str, Any], root: type[BaseModel], source: str) -> list[str]:
+def faults(error: ValidationError | OverflowError, raw: Mapping[str, object], root: type[BaseModel], source: str,
+           ) -> list[str]:
     """Say what a validation found wrong, a sentence for every fault.
 
     Parameters
     ----------
     error : ValidationError or OverflowError
-    raw : dict
+    raw : Mapping
         What was validated, by `root`.
     source : str
         What the sentences begin with: a file's name.
@@ -41,7 +44,7 @@ def faults(error: ValidationError | OverflowError, raw: dict[str, Any], root: ty
     return [f"{source}: {sentence(detail, raw, root)}" for detail in error.errors(include_url=False)]
 
 
-def too_large(raw: Any, key: str = "") -> str:
+def too_large(raw: object, key: str = "") -> str:
     """Name the first whole number beyond what TOML holds, on some of which a validation breaks down; "" for none."""
     if isinstance(raw, dict | list | tuple):
         items = raw.items() if isinstance(raw, dict) else enumerate(raw)
@@ -52,13 +55,20 @@ def too_large(raw: Any, key: str = "") -> str:
     return ""
 
 
-def sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
-    """One validation error as `section.key = value: what is wrong, the allowed range, the nearest name`.
+def sentence(detail: ErrorDetails, raw: Mapping[str, object], root: type[BaseModel]) -> str:
+    """Say one validation error as `section.key = value: what is wrong, the allowed range, the nearest name`.
 
     Of what it repeats, a character that cannot be seen is shown as �.
+
+    Parameters
+    ----------
+    detail : ErrorDetails
+        One of `ValidationError.errors()`.
+    raw : Mapping
+        What was validated, by `root`.
     """
     return "".join("\ufffd" if unicodedata.category(letter) in _UNSEEN else letter
-                   for letter in _sentence(detail, raw, root))
+                   for letter in _sentence(detail, dict(raw), root))
 
 
 def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:

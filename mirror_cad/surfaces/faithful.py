@@ -137,7 +137,7 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
             raise SurfaceError(f"surface.spans = [{nx}, {ny}] with method = \"faithful\" asks for {poles} unknowns, at most "
                                f"{MAX_POLES} are solved for: fewer spans "
                                f"(\"auto\" takes [{LEVELS[-1][0]}, {LEVELS[-1][1]}] at most)")
-        rest = collocate_height(start.rest, *knots, degree)
+        rest = collocate_height(start.residual_height, *knots, degree)
         unknowns = evaluations = 0
         if rms > 0.0:  # a plane has nothing to solve for
             problem = _Problem(curvature, outline, start.profile, rest, ends)

@@ -95,7 +95,7 @@ class PiecewiseChebyshev:
         return sorted(places)
 
 
-    def joints(self) -> list[tuple[float, int]]:
+    def breakpoints(self) -> list[tuple[float, int]]:
         """Inner breaks where f, f′ or f″ jumps, with how many derivatives are continuous there (−1, 0, 1)."""
         found: dict[float, int] = {}
         size = float(np.abs(self.coefficients).max())

@@ -185,8 +185,8 @@ class LitWorld:
             nearest[found.ray] = found.distance
             self._edge_of(self.woods.met(origins, directions, spread, radius, nearest, self._light.sun), directions, out)
 
-    def _blend(self, cutouts: Cutouts, body: SurfaceInteraction, hits: Hits, rays: tuple[Array, Array, Array, Array], first: bool,
-               layer: int, out: Array) -> None:
+    def _blend(self, cutouts: Cutouts, body: SurfaceInteraction, hits: Hits, rays: tuple[Array, Array, Array, Array],
+               first: bool, layer: int, out: Array) -> None:
         """Lay what blended bodies show over what is behind them."""
         blended = body.ray[cutouts.blended[body.material]]
         share = cutouts.cover(hits.triangle[blended], hits.u[blended], hits.v[blended])
