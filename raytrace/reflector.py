@@ -294,6 +294,7 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
 def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
     """`load_reflector` for a STEP file that has been read already."""
     from mirror_cad.occt.tessellate import face_mesh, triangulate
+    from raytrace.seams import without_seams
 
     named = any(face.name == OPTICAL_FACE for face in file.faces)
     fronts = [face for face in file.faces if face.name == FRONT_FACE] if named else []
@@ -304,6 +305,7 @@ def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
         elif face not in fronts:
             triangulate(face.raw, OBSTACLE_DEFLECTION_MM, straight=True)
             obstacles.append(face_mesh(face.raw))
+    surfaces = list(without_seams(surfaces))
     if not fronts:
         return Reflector(tuple(surfaces), obstacles=_joined(obstacles))
     if len(fronts) != 1 or len(surfaces) != 1:
@@ -317,6 +319,7 @@ def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
 def _chosen(file: StepFile, path: Path, face: str | int | Colour) -> Reflector:
     """The reflector in which the faces of a name, a number or a colour reflect."""
     from mirror_cad.occt.tessellate import face_mesh, triangulate
+    from raytrace.seams import without_seams
 
     if isinstance(face, bool) or not isinstance(face, str | int | np.integer | tuple | list):
         raise TraceError(f"face = {face!r}: a name, a number from 1 on, or a colour (red, green, blue), 0 to 255, chooses a "
@@ -342,7 +345,8 @@ def _chosen(file: StepFile, path: Path, face: str | int | Colour) -> Reflector:
     for each in (each for k, each in enumerate(file.faces) if k not in wanted):
         triangulate(each.raw, OBSTACLE_DEFLECTION_MM, straight=True)
         obstacles.append(face_mesh(each.raw))
-    return Reflector(tuple(_trimmed(file.faces[k], one_sided=False) for k in wanted), obstacles=_joined(obstacles))
+    surfaces = without_seams([_trimmed(file.faces[k], one_sided=False) for k in wanted])
+    return Reflector(surfaces, obstacles=_joined(obstacles))
 
 
 def _trimmed(face: StepFace, one_sided: bool) -> TrimmedSurface | TrimmedQuadric:
