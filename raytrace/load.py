@@ -16,6 +16,7 @@ from raytrace.surfaces.faces import Face
 from raytrace.surfaces.mesh import Normals
 from raytrace.surfaces.plate import Plate
 from raytrace.surfaces.quadric import QuadricFace
+from raytrace.surfaces.seams import without_seams
 
 if TYPE_CHECKING:
     from mirror_cad.occt.step import StepFace, StepFile
@@ -79,6 +80,7 @@ def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
         elif face not in fronts:
             triangulate(face.raw, OBSTACLE_DEFLECTION_MM, straight=True)
             obstacles.append(face_mesh(face.raw))
+    surfaces = list(without_seams(surfaces))
     if not fronts:
         return Reflector.of_faces(tuple(surfaces), _joined(obstacles))
     if len(fronts) != 1 or len(surfaces) != 1:
@@ -117,7 +119,7 @@ def _chosen(file: StepFile, path: Path, face: str | int | Colour) -> Reflector:
     for each in (each for k, each in enumerate(file.faces) if k not in wanted):
         triangulate(each.raw, OBSTACLE_DEFLECTION_MM, straight=True)
         obstacles.append(face_mesh(each.raw))
-    return Reflector.of_faces(tuple(_face(file.faces[k], one_sided=False) for k in wanted), _joined(obstacles))
+    return Reflector.of_faces(without_seams([_face(file.faces[k], one_sided=False) for k in wanted]), _joined(obstacles))
 
 
 def _face(face: StepFace, one_sided: bool) -> Face:

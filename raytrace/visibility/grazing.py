@@ -145,8 +145,8 @@ def _may_count(own: HostVehicle, which: Index, cell: Index, starts: Array, ends:
         along = np.where(edge, along, np.where(which < len(EDGES) + 6, 0.0, 1.0))
         at, before, after = (one + along[:, None] * two for one, two in (
             (start, way), (starts[cell], ends[cell] - starts[cell]), (starts[cell + 1], ends[cell + 1] - starts[cell + 1])))
-    room = REACH * np.abs(after - before) + REACH * (high - low)
-    beside = (at < low - room) | (at > high + room)
+        room = REACH * np.abs(after - before) + REACH * (high - low)
+        beside = (at < low - room) | (at > high + room)
     beside[edge] &= np.arange(3) == third[edge, None]
     passed: Mask = beside.any(axis=1) | (along < -REACH) | (along > 1.0 + REACH)
     return ~passed
