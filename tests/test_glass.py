@@ -17,7 +17,8 @@ from scipy.optimize import brentq
 import mirror_cad
 import raytrace
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.solid import is_valid, plate, solids_of
+from mirror_cad.occt.shapes import solids_of
+from mirror_cad.occt.solid import is_valid, plate
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.surfaces.collocation import collocate
