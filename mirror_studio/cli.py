@@ -29,6 +29,7 @@ Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the met
 Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the report as PDF too; needs the extra `pdf`.")]
 
 Png = Annotated[list[Path] | None, Parameter(name="--png", negative=(), consume_multiple=(0, 1))]
+Faces = Annotated[bool, Parameter(name="--faces", negative=(), help="List a CAD file's faces and trace nothing.")]
 Parts = Annotated[list[str] | None, Parameter(name="--part", negative=())]
 
 
@@ -66,22 +67,28 @@ def paper(*, out: Out = None, json: Json = False) -> int:
 
 
 @app.command
-def trace(file: Path, /, *, scene: str | None = None, face: str | None = None,
+def trace(file: Path, /, *, scene: str | None = None, face: str | None = None, faces: Faces = False,
           normals: Literal["facets", "interpolated"] = "facets", out: Out = None, json: Json = False) -> int:
-    """Trace what the driver sees in a STEP face or a mesh.
+    """Trace what the driver sees in a CAD file's faces or a mesh.
 
     Parameters
     ----------
     file
-        A .step, .stp, .stl, .obj, .ply, .off, .gltf, .glb or .3mf file in mirror coordinates, mm.
+        A .step, .stp, .iges, .igs, .brep, .brp, .stl, .obj, .ply, .off, .gltf, .glb or .3mf file in mirror coordinates, mm.
     scene
         A specification or preset that lends [eye], [scene], [view] and the index of [glass]; the defaults without it.
     face
-        What reflects in a STEP file: a face's name, its number (1 is the first), or its colour as #rrggbb. Without it the
-        "optical face", or all faces where none is named so.
+        What reflects in a CAD file: the name of faces, of a part or of a layer, a face's number (1 is the first), or a colour
+        as #rrggbb. Without it the "optical face", or all faces where none is named so.
     normals
         Of a mesh: those of its facets, or interpolated between its vertices.
     """
+    if faces:
+        from mirror_studio.faces import print_faces
+
+        print_faces(file, json)
+        return DONE
+    _start_reader([file])
     from mirror_cad.spec.file import load_spec
     from mirror_studio.progress import Progress
 
@@ -90,6 +97,16 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None,
 
     metrics = trace_file(file, lent, out or Path("exports") / f"{file.stem}-trace", Progress(), _chosen_face(face), normals)
     return _finish(metrics, (), json)
+
+
+def _start_reader(files: list[Path]) -> None:
+    """Start the process that CAD files are read in beside our own imports, where one is among the files."""
+    from raytrace.file_kinds import CAD_KINDS
+
+    if any(file.suffix.lower() in CAD_KINDS for file in files):
+        from mirror_cad.kernel import start_reader
+
+        start_reader()
 
 
 def _chosen_face(text: str | None) -> str | int | tuple[int, int, int] | None:
@@ -108,7 +125,7 @@ def view(what: str, /, *, out: Out = None, vtp: Path | None = None, png: Png = N
     Parameters
     ----------
     what
-        A TOML file, the name of a preset, or a .step or .stp file in mirror coordinates, mm.
+        A TOML file, the name of a preset, or a .step, .stp, .iges, .igs, .brep or .brp file in mirror coordinates, mm.
     vtp
         A folder or a .vtp file: write mirror.vtp and rays.vtp there and open no window.
     png
@@ -146,10 +163,11 @@ def drive(mirror: list[str], /, *, scene: str = "motorway", out: Out = None, jso
     Parameters
     ----------
     mirror
-        Presets, specifications, STEP or mesh files.
+        Presets, specifications, CAD or mesh files.
     scene
         A scene's name, or a TOML file in metres.
     """
+    _start_reader([Path(each) for each in mirror])
     from mirror_studio.progress import Progress
     from mirror_studio.scene_file import load_scene
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import mirror_cad
-from mirror_cad.occt.solid import faces_of
+from mirror_cad.occt.shapes import faces_of
 from mirror_cad.occt.step import OPTICAL_FACE, read_step
 from mirror_cad.surfaces.differential import principal_curvatures_of, shape_operator
 from mirror_studio.build.folder import MANIFEST, heal, new_set

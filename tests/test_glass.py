@@ -17,13 +17,14 @@ from scipy.optimize import brentq
 import mirror_cad
 import raytrace
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.solid import is_valid, plate, solids_of
+from mirror_cad.occt.shapes import solids_of
+from mirror_cad.occt.solid import is_valid, plate
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.surfaces.collocation import collocate
 from mirror_cad.surfaces.offset import offset_surface
 from mirror_studio.cli import run
-from raytrace.load import FRONT_FACE, OPTICAL_FACE
+from raytrace.assembly import FRONT_FACE, OPTICAL_FACE
 from raytrace.measures.field_of_view import angle_between, traced_fields_of_view
 from raytrace.measures.ghost import ghost, reflectance
 from raytrace.rays import Status, Trace

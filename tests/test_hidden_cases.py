@@ -5,6 +5,7 @@ The right values are those of an independent program with exact rays; extremes b
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -30,7 +31,6 @@ from raytrace.measures.yaw_coverage import yaw_coverage
 from raytrace.reflector import Reflector
 from raytrace.visibility.line_image import line_images, road_line, why_unmeasured
 from tests.conftest import designed
-import itertools
 
 LANE = NearLane(-5250.0, -1750.0)
 

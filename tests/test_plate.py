@@ -25,7 +25,8 @@ from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.plate_mesh import MAX_FACETS, plate_mesh
-from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, faces_of, is_valid, plate, solids_of
+from mirror_cad.occt.shapes import faces_of, solids_of
+from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, is_valid, plate
 from mirror_cad.occt.step import read_step
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.occt.triangulation import doubled_area, triangles_within

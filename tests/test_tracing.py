@@ -366,11 +366,12 @@ def painted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_face_is_chosen_by_name_number_or_colour(painted: Path) -> None:
-    from mirror_cad.occt.step import OPTICAL_COLOUR, face_colours, read_step
+    from mirror_cad.cad_file import read_cad
+    from mirror_cad.occt.step import OPTICAL_COLOUR
 
-    names = [face.name for face in read_step(painted).faces]
-    number = names.index("optical face") + 1
-    colours = face_colours(painted)
+    faces = read_cad(painted).faces
+    number = next(face.number for face in faces if face.name == "optical face")
+    colours = [face.colour for face in faces]
     assert colours[number - 1] == tuple(round(255 * c) for c in OPTICAL_COLOUR)
     assert {c for k, c in enumerate(colours) if k != number - 1} == {(255, 0, 0)}
     down = np.array([[0.0, 0.0, -1.0]])
@@ -640,11 +641,11 @@ def test_results_may_be_the_rays_of_the_next_trace() -> None:
 def test_colours_of_an_assembly_are_those_of_its_parts(tmp_path: Path) -> None:
     from build123d import Box, Color, Compound, Pos, export_step
 
-    from mirror_cad.occt.step import face_colours
+    from mirror_cad.cad_file import read_cad
 
     red, green = Box(40, 40, 10), Pos(100, 0, 0) * Box(40, 40, 10)
     red.color, green.color = Color(1, 0, 0), Color(0, 1, 0)
     path = tmp_path / "assembly.step"
     export_step(Compound(children=[red, green], label="assembly"), str(path))
-    assert face_colours(path) == [(255, 0, 0)] * 6 + [(0, 255, 0)] * 6
+    assert [face.colour for face in read_cad(path).faces] == [(255, 0, 0)] * 6 + [(0, 255, 0)] * 6
     assert raytrace.load_reflector(path, (0, 255, 0)).outline()[:, 0].min() == pytest.approx(80.0)

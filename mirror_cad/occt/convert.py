@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
@@ -19,11 +21,14 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from mirror_cad.errors import SurfaceError
 from mirror_cad.occt.pcurves import polyline
-from mirror_cad.outline import Arc, Line, Spline
-from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
 
+if TYPE_CHECKING:  # they bring numba along, which the child process that reads files does without
+    from mirror_cad.outline import Arc, Line, Spline
+    from mirror_cad.surfaces.bspline import BSplineSurface
+
 Array = NDArray[np.float64]
+BSplineArrays = tuple[int, int, Array, Array, Array, Array | None]
 
 
 def to_geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
@@ -47,6 +52,13 @@ def to_geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
 
 def from_geom_surface(geom: Geom_BSplineSurface) -> BSplineSurface:
     """A kernel B-spline surface as our record; a periodic one is cut open first."""
+    from mirror_cad.surfaces.bspline import BSplineSurface
+
+    return BSplineSurface(*bspline_arrays(geom))
+
+
+def bspline_arrays(geom: Geom_BSplineSurface) -> BSplineArrays:
+    """What a BSplineSurface is made from: degrees, knots with repetition, poles (n_u, n_v, 3), and weights or None."""
     if geom.IsUPeriodic() or geom.IsVPeriodic():
         geom = Geom_BSplineSurface.DownCast(geom.Copy()) if hasattr(Geom_BSplineSurface, "DownCast") else geom.Copy()
         if geom.IsUPeriodic():
@@ -62,7 +74,7 @@ def from_geom_surface(geom: Geom_BSplineSurface) -> BSplineSurface:
             poles[i, j] = pole.X(), pole.Y(), pole.Z()
             if weights is not None:
                 weights[i, j] = geom.Weight(i + 1, j + 1)
-    return BSplineSurface(
+    return (
         geom.UDegree(), geom.VDegree(),
         np.repeat([geom.UKnot(i + 1) for i in range(geom.NbUKnots())],
                   [geom.UMultiplicity(i + 1) for i in range(geom.NbUKnots())]),
@@ -78,6 +90,12 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
     `is_reversed`, S_u × S_v points into the material.
     Raises: SurfaceError where the kernel cannot convert the surface.
     """
+    geom, converted = as_geom_bspline(face)
+    return from_geom_surface(geom), converted
+
+
+def as_geom_bspline(face: TopoDS_Face) -> tuple[Geom_BSplineSurface, TopoDS_Face]:
+    """`face_as_bspline` as a kernel object."""
     converted, adaptor = face, BRepAdaptor_Surface(face, False)
     # What is a B-spline already is not converted, which costs the kernel as much as all else.
     if adaptor.GetType() != GeomAbs_BSplineSurface or adaptor.IsUPeriodic() or adaptor.IsVPeriodic():
@@ -87,7 +105,7 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
         geom = adaptor.BSpline()  # where the face's location puts it
     except Exception as error:
         raise SurfaceError(f"a face's surface cannot be turned into a B-spline: {error}") from None
-    return from_geom_surface(geom), converted
+    return geom, converted
 
 
 def face_as_quadric(face: TopoDS_Face) -> Quadric | None:
@@ -134,6 +152,8 @@ def face_loops(face: TopoDS_Face) -> tuple[Array, ...]:
 
 def to_pcurve(segment: Line | Arc | Spline) -> Geom2d_Curve:
     """An outline segment as a curve in the parameter plane (u, v) = (x, y), bounded."""
+    from mirror_cad.outline import Arc, Line
+
     if isinstance(segment, Line):
         (x0, y0), (x1, y1) = np.asarray(segment.start, float), np.asarray(segment.end, float)
         length = float(np.hypot(x1 - x0, y1 - y0))

@@ -17,13 +17,14 @@ from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_Curve, Geom2d_TrimmedCurve
 from OCP.GeomAbs import GeomAbs_C1
 from OCP.GProp import GProp_GProps
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED, TopAbs_SHELL
 from OCP.TopExp import TopExp, TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from mirror_cad.errors import SolidError
 from mirror_cad.occt.convert import to_geom_surface, to_pcurve
+from mirror_cad.occt.shapes import faces_of
 from mirror_cad.outline import Outline
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.offset import Side, offset_surface
@@ -165,16 +166,6 @@ def _edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
     return edges
 
 
-def faces_of(shape: TopoDS_Shape) -> list[TopoDS_Face]:
-    """Every face of a shape."""
-    explorer = TopExp_Explorer(shape, TopAbs_FACE)
-    found = []
-    while explorer.More():
-        found.append(TopoDS.Face_s(explorer.Current()))
-        explorer.Next()
-    return found
-
-
 def face_on(solid: TopoDS_Shape, surface: Geom_BSplineSurface, hint: TopoDS_Shape) -> TopoDS_Face:
     """The face of the sewn solid that is the given one."""
     for face in faces_of(solid):
@@ -198,16 +189,6 @@ def _only(shape: TopoDS_Shape, kind: object, name: str) -> TopoDS_Shape:
         raise SolidError(f"the plate's faces sew into {len(found)} {name}s, not 1: the outline has pieces shorter than "
                          f"{SEWING_TOLERANCE_MM:g} mm, or touches itself")
     return found[0]
-
-
-def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Solid]:
-    """Every solid of a shape."""
-    explorer = TopExp_Explorer(shape, TopAbs_SOLID)
-    found = []
-    while explorer.More():
-        found.append(TopoDS.Solid_s(explorer.Current()))
-        explorer.Next()
-    return found
 
 
 def is_valid(shape: TopoDS_Shape) -> bool:

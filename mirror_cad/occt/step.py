@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import product
 from pathlib import Path
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
@@ -15,20 +14,18 @@ from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_HArray1OfHAsciiString, Interface_Static
 from OCP.Message import Message, Message_Gravity
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
-from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Reader, STEPCAFControl_Writer
+from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
 from OCP.StepShape import StepShape_AdvancedFace
 from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
-from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
-from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_ColorTool, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.occt.convert import face_as_bspline, face_as_quadric
-from mirror_cad.occt.solid import faces_of, solids_of
+from mirror_cad.occt.shapes import faces_of
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
 
@@ -151,40 +148,6 @@ def read_step(path: Path) -> StepFile:
     if not raw:
         raise FileError(f"{path}: the file holds no face (curves and points alone are no mirror)")
     return StepFile(shape, tuple(StepFace(_face_name(reader, face), face) for face in raw))
-
-
-def face_colours(path: Path) -> list[tuple[int, int, int] | None]:
-    """The colour of every face of a STEP file, 8 bits of sRGB a channel, in the order of `read_step`; None without one.
-
-    A face that has no colour of its own has its solid's. Raises: FileError where the file cannot be read.
-    """
-    _silence()
-    document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
-    reader = STEPCAFControl_Reader()
-    reader.SetColorMode(True)
-    if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.Transfer(document):
-        raise FileError(f"{path}: not a STEP file that the kernel can read")
-    tool = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
-    roots = TDF_LabelSequence()
-    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(roots)
-    found: list[tuple[int, int, int] | None] = []
-    for k in range(1, roots.Length() + 1):
-        root = XCAFDoc_ShapeTool.GetShape_s(roots.Value(k))
-        owners = [(solid, faces_of(solid)) for solid in solids_of(root)]
-        for face in faces_of(root):
-            owner = next((solid for solid, faces in owners if any(face.IsSame(other) for other in faces)), root)
-            found.append(next((c for c in (_colour_of(tool, shape) for shape in (face, owner, root)) if c is not None), None))
-    return found
-
-
-def _colour_of(tool: XCAFDoc_ColorTool, shape: TopoDS_Shape) -> tuple[int, int, int] | None:
-    """Of a shape where it is placed, or of the part that is placed there."""
-    colour = Quantity_Color()
-    for placed, kind in product((shape, shape.Located(TopLoc_Location())), (XCAFDoc_ColorSurf, XCAFDoc_ColorGen)):
-        if tool.GetColor(placed, kind, colour):
-            red, green, blue = (round(255 * float(value)) for value in colour.Values(Quantity_TOC_sRGB))
-            return red, green, blue
-    return None
 
 
 def _face_name(reader: STEPControl_Reader, face: TopoDS_Face) -> str:

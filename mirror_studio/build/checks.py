@@ -10,7 +10,8 @@ from scipy.interpolate import NdBSpline
 
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.solid import is_valid, solids_of, volume
+from mirror_cad.occt.shapes import solids_of
+from mirror_cad.occt.solid import is_valid, volume
 from mirror_cad.occt.step import FRONT_FACE, OPTICAL_FACE, StepFile, read_step
 from mirror_cad.outline.files import read_outline
 from mirror_cad.part21 import read_named_surface

@@ -18,11 +18,9 @@ from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
-from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.outline.files import write_dxf
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
-from mirror_studio.build import checks
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.methods import compare_methods, floor_of
 from mirror_studio.progress import Progress
@@ -71,6 +69,10 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     """Make the files of one mirror in an existing empty folder; the report as PDF too where asked for."""
     name = spec.name
     picture = load_picture(spec.scene.image)
+    # What brings the kernel: a trace, whose file a child process reads, does without.
+    from mirror_cad.occt.tessellate import read_stl
+    from mirror_studio.build import checks
+
     progress.step(f"{name}: designing")
     mirror = design(spec)
     for note in mirror.notes:
@@ -149,14 +151,14 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
 
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
                normals: Normals = "facets") -> dict[str, Any]:
-    """Trace a STEP or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
+    """Trace a CAD or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
 
     face, normals : as for `load_reflector`. A STEP file with a front face before its optical face is traced through glass of
     the spec's index.
     """
     picture = load_picture(spec.scene.image)
     progress.step(f"{path.name}: reading")
-    reflector = load_reflector(path, face, normals, spec.glass.index)
+    reflector = load_reflector(path, face, normals, spec.glass.index, progress.share)
     box = _front_box(reflector)
     setting = ViewingSetup.of(spec, box)
     eye, use = setting.eye, setting.in_use(reflector)
@@ -196,6 +198,8 @@ def _facets(stl: Path, mirror: Mirror) -> Reflector:
     """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
     if mirror.spec.glass.reflecting == "front":
         return load_reflector(stl)
+    from mirror_cad.occt.tessellate import read_stl
+
     mesh, domain = read_stl(stl), mirror.surface.domain
     x, y = np.clip(mesh.vertices[:, 0], *domain[:2]), np.clip(mesh.vertices[:, 1], *domain[2:])
     on_back = np.linalg.norm(mirror.surface.evaluate(x, y) - mesh.vertices, axis=1) < 0.5 * mirror.spec.glass.thickness_mm
@@ -231,6 +235,8 @@ def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
 
 
 def _manifest(mirror: Mirror) -> dict[str, Any]:
+    from mirror_studio.build.checks import SAME_MM
+
     spec, fit = mirror.spec, mirror.fit
     return {
         "schema": 1,
@@ -238,7 +244,7 @@ def _manifest(mirror: Mirror) -> dict[str, Any]:
         "versions": versions(),
         "tolerances": {"position_mm": spec.surface.position_tolerance_mm,
                        "curvature_percent": spec.surface.curvature_tolerance_percent,
-                       "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": checks.SAME_MM},
+                       "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": SAME_MM},
         "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans),
                 "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
                 "worst_at_mm": list(fit.worst_at_mm), "met": fit.met},

@@ -8,19 +8,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.cad_file import read_cad
+from mirror_cad.errors import FileError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
+from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.quadric import Quadric
 from mirror_studio.desktop.sheet import Sheet, sheet
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.load import OPTICAL_FACE, reflector_of
+from raytrace.assembly import OPTICAL_FACE
+from raytrace.cad_reflector import reflector_from_cad
+from raytrace.file_kinds import CAD_KINDS
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.trace import reflect
 
 Array = NDArray[np.float64]
 
-STEP_KINDS = (".step", ".stp")
 LENDER = "progressive-c"  # the preset whose eye and reference plane a STEP file borrows, as `mirror-cad trace` has it
 FAN = (9, 7)  # rays over the mirror's box, upright and across
 RIM_CHORD_MM = 0.02  # of the outline: far below a pixel
@@ -48,12 +53,12 @@ class Subject:
 
 
 def load_subject(what: str) -> Subject:
-    """A STEP file by its ending (its optical face, or all faces where none is named so), else a specification or preset.
+    """A CAD file by its ending (its optical face, or all faces where none is named so), else a specification or preset.
 
     Raises: MirrorError as the readers and `design` do.
     """
-    if Path(what).suffix.lower() in STEP_KINDS:
-        return _of_step(Path(what))
+    if Path(what).suffix.lower() in CAD_KINDS:
+        return _of_cad(Path(what))
     spec = load_spec(what)
     mirror = design(spec)
     rms = mirror.curvature.rms(mirror.outline)
@@ -61,19 +66,21 @@ def load_subject(what: str) -> Subject:
     return Subject(spec.name, shown, _fan(Reflector.from_mirror(mirror), shown, spec))
 
 
-def _of_step(path: Path) -> Subject:
-    from mirror_cad.occt.convert import face_loops
-    from mirror_cad.occt.step import read_step
-
-    file = read_step(path)
+def _of_cad(path: Path) -> Subject:
+    file = read_cad(path)
     chosen = [face for face in file.faces if face.name == OPTICAL_FACE] or list(file.faces)
-    sheets = [sheet(face.surface, face_loops(face.face), quadric=face.quadric) for face in chosen]
+    sheets = []
+    for face, as_spline, as_it_is in zip(chosen, file.shapes(chosen, splines=True), file.shapes(chosen), strict=True):
+        if not isinstance(as_spline.surface, BSplineSurface):
+            raise FileError(f"{path}: face {face.number} is triangles without a surface: its curvature is not to be had")
+        quadric = as_it_is.surface if isinstance(as_it_is.surface, Quadric) else None
+        sheets.append(sheet(as_spline.surface, as_spline.loops, quadric=quadric))
     starts = np.cumsum([0, *(len(each.vertices) for each in sheets[:-1])])
     shown = Sheet(np.concatenate([each.vertices for each in sheets]), np.concatenate([each.normals for each in sheets]),
                   np.concatenate([each.faces + start for each, start in zip(sheets, starts, strict=True)]),
                   {key: np.concatenate([each.fields[key] for each in sheets]) for key in sheets[0].fields})
     spec = load_spec(LENDER)
-    return Subject(path.stem, shown, _fan(reflector_of(file, spec.glass.index), shown, spec))
+    return Subject(path.stem, shown, _fan(reflector_from_cad(file, None, spec.glass.index, "facets"), shown, spec))
 
 
 def _fan(reflector: Reflector, shown: Sheet, spec: MirrorSpec) -> Fan:

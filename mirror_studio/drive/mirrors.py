@@ -17,7 +17,9 @@ from mirror_cad.spec.file import load_spec
 from mirror_studio.drive.world import MM, eyes_of, own_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.errors import TraceError
-from raytrace.load import load_reflector
+from raytrace.file_kinds import CAD_KINDS, conversion
+from raytrace.load import load_reflector, reflector_of
+from raytrace.mesh_files import MESH_KINDS
 from raytrace.reflector import Reflector
 from raytrace.viewing.aim import Aim, aimed, shown_aim
 from raytrace.viewing.bezel import visible_aperture
@@ -28,7 +30,7 @@ from raytrace.viewing.view import box_of
 
 SMALLEST_MM, LARGEST_MM = 10.0, 1e4  # across: what a mirror on a vehicle can be
 NAME = r"[\w.-][\w. -]{0,63}"  # of a mirror, which names its files
-FILES = (".step", ".stp", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb", ".3mf")
+FILES = (*CAD_KINDS, ".stl", *MESH_KINDS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ def driven_mirror(name_or_path: str, scene: SceneFile) -> DrivenMirror:
     """
     path = Path(name_or_path)
     spec = None
-    if path.suffix.lower() in FILES:
+    if path.suffix.lower() in FILES or conversion(path.suffix.lower()):
         name, reflector = path.stem, load_reflector(path, normals="interpolated")
     else:
         spec = load_spec(name_or_path)
@@ -92,11 +94,13 @@ def _refuse_metres(reflector: Reflector) -> None:
 
 def exported(spec: MirrorSpec) -> Reflector:
     """The mirror of a specification, from the STEP file that it is exported to."""
+    from mirror_cad.occt.step import read_step
+
     mirror = design(spec)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{spec.name}.step"
         mirror.export_step(path)
-        return load_reflector(path, index=spec.glass.index)
+        return reflector_of(read_step(path), spec.glass.index)  # our own file: the kernel, which is here anyway, may read it
 
 
 def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:

@@ -1,27 +1,30 @@
-"""A child process's work: one uploaded file in, read under limits on memory and time; its faults out as JSON."""
+"""One uploaded file in, read; its faults out as an error: what a child process does, with limits on memory and time."""
 
 from __future__ import annotations
 
-import json
 import pickle
-import resource
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirror_cad.errors import FileError, MirrorError
-from mirror_studio.web.uploads import READING_SECONDS
+from mirror_cad.errors import FileError
 
 if TYPE_CHECKING:
     from raytrace.reflector import Reflector
 
-MAX_MEMORY = 6_000_000_000  # bytes of address space: the kernel alone maps two
 MAX_PIXELS = 40_000_000
 MAX_FACES = 2_000_000  # of a mesh that is to be traced while sliders move
 
 
-def read(kind: str, path: Path) -> None:
+def read(kind: str, name: str) -> None:
     """Read a file as the studio will, and leave a reflector beside it, ready to be traced. Raises: MirrorError."""
+    path = Path(name)
+    try:
+        _read(kind, path)
+    except RecursionError:
+        raise FileError(f"{path.name} is nested too deeply") from None
+
+
+def _read(kind: str, path: Path) -> None:
     if kind == "outline":
         from mirror_cad.outline.files import read_outline
 
@@ -62,25 +65,3 @@ def _check_size(reflector: Reflector) -> None:
         across = f"{1e-3 * size:.4g} m" if size > LARGEST_MM else f"{size:.3g} mm"
         raise FileError(f"your mirror is {across} wide: check its units (a mirror has {SMALLEST_MM:g} mm to "
                         f"{1e-3 * LARGEST_MM:g} m, and a mesh is read in mm)")
-
-
-def main() -> None:
-    """Limits first, then the file."""
-    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (READING_SECONDS, READING_SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    faults: list[str] = []
-    path = Path(sys.argv[2])
-    try:
-        read(sys.argv[1], path)
-    except MirrorError as error:
-        faults = str(error).splitlines()
-    except MemoryError:
-        faults = [f"{path.name} needs too much memory"]
-    except RecursionError:
-        faults = [f"{path.name} is nested too deeply"]
-    print(json.dumps({"faults": faults}))
-
-
-if __name__ == "__main__":
-    main()

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import pickle
 import re
 import shutil
-import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -17,7 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from mirror_cad.errors import FileError, SpecError
+from mirror_cad.errors import FileError, MirrorError, SpecError
+from mirror_cad.guarded import FallenError, GuardedProcess
 
 if TYPE_CHECKING:
     from raytrace.reflector import Reflector
@@ -36,14 +34,15 @@ class Limit:
 LIMITS: dict[Kind, Limit] = {
     "outline": Limit((".dxf", ".svg"), 5_000_000),
     "picture": Limit((".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff"), 40_000_000),
-    "reflector": Limit((".step", ".stp", ".stl", ".obj", ".ply", ".off"), 60_000_000),
+    "reflector": Limit((".step", ".stp", ".iges", ".igs", ".brep", ".brp", ".stl", ".obj", ".ply", ".off"), 60_000_000),
     "table": Limit((".csv", ".txt"), 4_000_000),
     "spec": Limit((".toml",), 1_000_000),
 }
 NAME = re.compile(r"[0-9a-f]{24}\.[a-z]{3,4}")
 LONGEST_NAME = 64  # characters of a file's name, without its ending
 MAX_FILES = 40  # kept; the oldest go
-READING_SECONDS = 60  # of a child's time, and of the clock
+READING_SECONDS = 60.0  # of the clock
+MAX_MEMORY = 6_000_000_000  # bytes of address space: the kernel alone maps two
 
 
 class Uploads:
@@ -110,17 +109,19 @@ class Uploads:
 
     def _look_at(self, kind: Kind, path: Path, shown: str) -> None:
         """Read the file once in a child with limits on its time and memory: a hostile file ends the child alone."""
-        command = [sys.executable, "-m", "mirror_studio.web.reading", kind, str(path)]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=READING_SECONDS, check=False, stdin=subprocess.DEVNULL)
-        except subprocess.TimeoutExpired:
-            raise FileError(f"{shown} takes more than {READING_SECONDS} s to read: simplify it") from None
-        try:
-            faults = json.loads(done.stdout.splitlines()[-1])["faults"]
-        except (IndexError, ValueError, KeyError, TypeError):
-            raise FileError(f"{shown} cannot be read: its reader ran out of time or memory, or broke down on it") from None
-        if faults:
-            raise SpecError([text.replace(f"{path.parent}/", "").replace(path.name, shown) for text in faults])
+        with GuardedProcess(MAX_MEMORY) as child:
+            try:
+                child.call("mirror_studio.web.reading:read", kind, str(path), seconds=READING_SECONDS,
+                           longest_seconds=READING_SECONDS)
+            except (FallenError, RuntimeError) as error:
+                how = f" ({error})" if isinstance(error, FallenError) else ""  # a RuntimeError is a long traceback
+                raise FileError(f"{shown} cannot be read: its reader ran out of time or memory, or broke down on it{how}"
+                                ) from None
+            except MirrorError as error:
+                raise SpecError([text.replace(f"{path.parent}/", "").replace(path.name, shown)
+                                 for text in str(error).splitlines()]) from None
+            except MemoryError:
+                raise FileError(f"{shown} needs too much memory") from None
 
 
 @lru_cache(maxsize=4)
