@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from raytrace.errors import SceneError, TraceError
+    from raytrace.placement import Placement
     from raytrace.reflector import Reflector, load_reflector
     from raytrace.trace import Status, Trace, reflect
 
 _HOME = {
     "SceneError": "errors", "TraceError": "errors", "Status": "trace", "Trace": "trace", "reflect": "trace",
-    "Reflector": "reflector", "load_reflector": "reflector",
+    "Placement": "placement", "Reflector": "reflector", "load_reflector": "reflector",
 }
-__all__ = ["Reflector", "SceneError", "Status", "Trace", "TraceError", "load_reflector", "reflect"]
+__all__ = ["Placement", "Reflector", "SceneError", "Status", "Trace", "TraceError", "load_reflector", "reflect"]
 
 
 def __getattr__(name: str) -> Any:

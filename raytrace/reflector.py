@@ -22,6 +22,8 @@ from raytrace.surfaces.trimming import Trimming
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
     from mirror_cad.occt.step import StepFace, StepFile
+    from raytrace.placement import Placement
+    from raytrace.seating import Place
 
 Array = NDArray[np.float64]
 
@@ -152,12 +154,13 @@ class Glass:
 
 @dataclass(frozen=True, eq=False)
 class Reflector:
-    """What reflects, and what only stands in the way. Coordinates are the file's, in mm.
+    """What reflects, and what only stands in the way. Coordinates are the file's, or the mirror's where it was seated; mm.
 
     surfaces : traced in float64 on the B-spline, plane, sphere or cylinder itself; the nearest that a ray meets counts.
     mesh : traced as facets; `normals` says whether with their own normals or with those interpolated between vertices.
     obstacles : faces that block and do not reflect (the back and sides of a plate).
     glass : what stands before a surface that reflects from behind glass.
+    placement : where the coordinates are in those of the file, where it is known.
     A reflector has surfaces or a mesh, not both.
     """
 
@@ -166,6 +169,7 @@ class Reflector:
     normals: Normals = "facets"
     obstacles: SurfaceMesh | None = None
     glass: Glass | None = None
+    placement: Placement | None = None
 
     @staticmethod
     def from_mirror(mirror: Mirror) -> Reflector:
@@ -247,7 +251,7 @@ class Reflector:
 
 
 def load_reflector(path: str | Path, face: str | int | Colour | None = None, normals: Normals = "facets",
-                   index: float = GLASS_INDEX) -> Reflector:
+                   index: float = GLASS_INDEX, place: Place = "file") -> Reflector:
     """Read a reflector from a STEP file (.step, .stp) or a mesh (.stl, .obj, .ply, .off, .gltf, .glb, .3mf).
 
     In a STEP file the faces named "optical face" reflect, on their outer side, and every other face is an obstacle;
@@ -257,10 +261,22 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
     glass of refractive index `index`. Planes, spheres and cylinders are traced as such, other surfaces as the B-splines
     that they are or that are the same surface. A mesh reflects on both sides, from its facets or, with
     normals = "interpolated", as the smooth surface its vertices lie on.
+
+    `place` says in which coordinates: "file", those of the file, in which a script shoots its rays; "face", mirror coordinates
+    by the face's own frame (`raytrace.seating` has the rules); a `raytrace.Placement`, mirror coordinates as it states them;
+    "auto", as the commands have it: "file" for a file that `mirror-cad build` wrote, "face" for any other. The placement that
+    was taken is `reflector.placement`.
     Raises: FileError for a file that cannot be read or holds no face; TraceError for another kind of file, or where no face
     is the chosen one.
     """
-    path = Path(path)
+    from mirror_cad.own_files import written_by_us
+    from raytrace.seating import seated
+
+    return seated(_as_filed(Path(path), face, normals, index), written_by_us(Path(path)), place)
+
+
+def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, index: float) -> Reflector:
+    """`load_reflector` in the coordinates of the file."""
     kind = path.suffix.lower()
     if not 1.0 <= index < float("inf"):
         raise TraceError(f"an index of {index:g} is no glass in air: it must be 1 or more")

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -34,8 +35,10 @@ from raytrace.measures.field_of_view import GlassSheets, traced_fields_of_view
 from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
+from raytrace.placement import Placement
 from raytrace.reflector import Colour, Normals, Reflector, load_reflector, reflector_of
 from raytrace.scene.reference import Picture, load_picture
+from raytrace.seating import Place
 from raytrace.trace import Status, reflect
 from raytrace.viewing.camera import Frame
 
@@ -145,15 +148,18 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
 
 
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
-               normals: Normals = "facets") -> dict[str, Any]:
+               normals: Normals = "facets", place: Place = "auto") -> dict[str, Any]:
     """Trace a STEP or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
 
-    face, normals : as for `load_reflector`. A STEP file with a front face before its optical face is traced through glass of
-    the spec's index.
+    face, normals, place : as for `load_reflector`. A STEP file with a front face before its optical face is traced through
+    glass of the spec's index.
+
+    Raises: MirrorError as the readers do, and where no ray is reflected, with nothing written.
     """
     picture = load_picture(spec.scene.image)
     progress.step(f"{path.name}: reading")
-    reflector = load_reflector(path, face, normals, spec.glass.index)
+    reflector = load_reflector(path, face, normals, spec.glass.index, place)
+    placement = stated_placement(path.name, reflector, progress)
     box = _front_box(reflector)
     setting = ViewingSetup.of(spec, box)
     eye, lane = setting.eye, setting.lane
@@ -162,13 +168,14 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     with new_set(out) as folder:
         progress.step(f"{path.name}: tracing the driver's view")
         view, rays = driver_view(reflector, eye, scene, frame, progress.share)
+        refuse_unreflected(path.name, rays, placement)
         write_png(folder / "driver-view.png", view)
         metrics: dict[str, Any] = {
             "h_fov_deg": {"traced": _row_field_of_view(reflector, eye, frame)},
             "lane_straightness_percent": {
                 "traced": None, "image": lane_straightness_in_picture(view, frame, _bare(reflector), eye, box)},
             "rays": rays, "normals_from": "surface" if reflector.mesh is None else reflector.normals,
-            "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
+            "eye_mm": [float(value) for value in eye], "box_mm": list(box), "placement": placement.as_json()}
         only, sheets = reflector.only, GlassSheets.before(reflector)
         if only is not None and only.height_field is not None and (sheets is not None or reflector.glass is None):
             metrics["lane_straightness_percent"]["traced"] = lane_straightness(
@@ -179,6 +186,21 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
         write_json(folder / MANIFEST, manifest)
     progress.step(f"{path.name}: done, in {out}")
     return metrics
+
+
+def stated_placement(name: str, reflector: Reflector, progress: Progress) -> Placement:
+    """Say where a mirror is in its file; returns it."""
+    placement = reflector.placement or Placement.identity("file")
+    progress.step(f"{name}: placement: {placement}")
+    return placement
+
+
+def refuse_unreflected(name: str, rays: Mapping[str, int], placement: Placement) -> None:
+    """Raise TraceError where an eye sees nothing in the mirror: a picture of it would be empty."""
+    if not rays.get(Status.REFLECTED.name.lower()):
+        found = ", ".join(f"{count} {status}" for status, count in rays.items()) or "none was traced"
+        raise TraceError(f"{name}: no ray from the eye is reflected ({found}); the mirror was taken to be at {placement}. "
+                         "State with --place where it is and which way it looks, or choose what reflects with --face")
 
 
 # --- glass --------------------------------------------------------------------------------------------------------
@@ -237,8 +259,8 @@ def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
     points = reflector.outline()
     (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
     if x_max - x_min < SMALLEST_BOX_MM or y_max - y_min < SMALLEST_BOX_MM:
-        raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks (along "
-                         "−z): the file must be in mirror coordinates, and its faces must have edges there")
+        raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks at it: it "
+                         "is seen edge-on, or has no edges. State with --place where it is, or choose its face with --face")
     return float(x_min), float(x_max), float(y_min), float(y_max)
 
 

@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.mirror import design
+from mirror_cad.own_files import written_by_us
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec_file import load_spec
 from mirror_studio.desktop.sheet import Sheet, sheet
 from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.placement import Placement
 from raytrace.reflector import OPTICAL_FACE, Reflector, reflector_of
+from raytrace.seating import seated
 from raytrace.trace import Status, reflect
 
 Array = NDArray[np.float64]
@@ -67,11 +70,14 @@ def _of_step(path: Path) -> Subject:
     chosen = [face for face in file.faces if face.name == OPTICAL_FACE] or list(file.faces)
     sheets = [sheet(face.surface, face_loops(face.face), quadric=face.quadric) for face in chosen]
     starts = np.cumsum([0, *(len(each.vertices) for each in sheets[:-1])])
-    shown = Sheet(np.concatenate([each.vertices for each in sheets]), np.concatenate([each.normals for each in sheets]),
+    spec = load_spec(LENDER)
+    reflector = seated(reflector_of(file, spec.glass.index), written_by_us(path))
+    placement = reflector.placement or Placement.identity()
+    shown = Sheet(placement.to_mirror(np.concatenate([each.vertices for each in sheets])),
+                  np.concatenate([each.normals for each in sheets]) @ placement.rotation.T,
                   np.concatenate([each.faces + start for each, start in zip(sheets, starts, strict=True)]),
                   {key: np.concatenate([each.fields[key] for each in sheets]) for key in sheets[0].fields})
-    spec = load_spec(LENDER)
-    return Subject(path.stem, shown, _fan(reflector_of(file, spec.glass.index), shown, spec))
+    return Subject(path.stem, shown, _fan(reflector, shown, spec))
 
 
 def _fan(reflector: Reflector, shown: Sheet, spec: MirrorSpec) -> Fan:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mirror_cad.spec_file import spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
-from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
+from mirror_studio.build.pipeline import hashes, refuse_unreflected, stated_placement, versions, write_json, write_png
 from mirror_studio.drive import drawings
 from mirror_studio.drive.in_plan import Array, footprint
 from mirror_studio.drive.measured import Measured, figures, main_figures, measure, subject_of
@@ -21,10 +21,14 @@ from mirror_studio.drive.table import write_csv
 from mirror_studio.drive.world import MM
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
+from raytrace.seating import Place
 
 
-def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress) -> dict[str, Any]:
+def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
+          places: Mapping[str, Place] | None = None) -> dict[str, Any]:
     """Make the files of some mirrors in one scene in `out`, which is replaced as a whole; returns what measures.json holds.
+
+    places : by name, where a mirror is in its file; "auto" for what is not in it.
 
     Raises: MirrorError, with nothing written.
     """
@@ -32,31 +36,38 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
         mirrors: list[DrivenMirror] = []
         for name in names:
             progress.step(f"{name}: making and aiming")
-            mirrors.append(driven_mirror(name, scene))
+            mirrors.append(driven_mirror(name, scene, (places or {}).get(name, "auto")))
+            if mirrors[-1].spec is None:
+                stated_placement(mirrors[-1].name, mirrors[-1].whole, progress)
         named_apart(mirrors)
         progress.step(f"{scene.name}: reading bodies")
         world = World(scene)
+        if world.left_out is not None:
+            progress.step(f"{scene.name}: left out: {world.left_out}; own_vehicle.keep_mirror = true keeps it")
         bodies = {name: body for name, body in world.named if name}
         subject = subject_of(scene, bodies)
         measured, changes, rays = [], [], {}
         for mirror in mirrors:
             progress.step(f"{mirror.name}: what both eyes see")
             picture, rays[mirror.name] = both_eyes(mirror, world, progress.share)
+            refuse_unreflected(mirror.name, rays[mirror.name], mirror.placement)
             write_png(folder / picture_name(mirror.name), picture)
             progress.step(f"{mirror.name}: measures")
             measured.append(measure(mirror, subject))
             progress.step(f"{mirror.name}: sensitivity")
             changes.append(sensitivity(mirror, lambda each: main_figures(each, subject), MM * scene.mirror.bezel_over_m))
         progress.step("drawings and sheet")
-        content = _write(folder, scene, measured, changes, rays,
+        left_out = [] if world.left_out is None else [str(world.left_out)]
+        content = _write(folder, scene, measured, changes, rays, left_out,
                          [(name, footprint(body.vertices)) for name, body in bodies.items()])
     progress.step(f"done: open {out / 'index.html'}")
     return content
 
 
 def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, dict[str, float | None]]],
-           rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]]) -> dict[str, Any]:
-    found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name]}
+           rays: dict[str, dict[str, int]], left_out: list[str], footprints: list[tuple[str, Array]]) -> dict[str, Any]:
+    found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name],
+                              "placement": each.mirror.placement.as_json()}
              for each, change in zip(measured, changes, strict=True)]
     drawings.magnification_maps(folder / "maps.png", measured)
     drawings.line_drawings(folder / "lines.png", measured)
@@ -66,8 +77,9 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
     content = dict(zip(names, found, strict=True))
     write_json(folder / "measures.json", content)
     write_csv(folder / "measures.csv", names, found)
-    write_sheet(folder / "index.html", scene, measured, found)
+    write_sheet(folder / "index.html", scene, measured, found, left_out)
     specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
+                                   "left_out": left_out,
                                    "versions": versions(), "files": hashes(folder)})
     return content

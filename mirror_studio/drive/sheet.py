@@ -21,16 +21,17 @@ def picture_name(mirror: str) -> str:
     return f"{mirror}-eyes.png"
 
 
-def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]]) -> None:
-    """Write index.html, which shows the pictures and drawings beside it."""
+def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]],
+                left_out: Sequence[str] = ()) -> None:
+    """Write index.html, which shows the pictures and drawings beside it; left_out : what of the scene is, in words."""
     groups = [(group, [(row, cells(row, figures)) for row in rows]) for group, rows in rows_of(figures[0])]
     mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
                 "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
                                 for name, values in one["sensitivity"].items()]}
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
-        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", lead=_lead(scene), facts=_facts(scene),
-        mirrors=mirrors, groups=groups, line_y=plain(scene.measured.line_y_m),
+        title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}", lead=_lead(scene),
+        facts=_facts(scene, left_out), mirrors=mirrors, groups=groups, line_y=plain(scene.measured.line_y_m),
         direct=f"lane lines; direct view ends {plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])
     path.write_text(page, encoding="utf-8")
@@ -61,7 +62,7 @@ def _lead(scene: SceneFile) -> str:
     return "The same vehicle, road, light and aim for every mirror: flank and horizon lie at the same places in each."
 
 
-def _facts(scene: SceneFile) -> list[tuple[str, str]]:
+def _facts(scene: SceneFile, left_out: Sequence[str]) -> list[tuple[str, str]]:
     eyes, mirror, light = scene.eyes, scene.mirror, scene.light
     aim = scene.aim or AimSection()
     posed = (f"yaw {plain(mirror.yaw_deg)}°, pitch {plain(mirror.pitch_deg or 0.0)}°" if mirror.yaw_deg is not None else
@@ -74,6 +75,7 @@ def _facts(scene: SceneFile) -> list[tuple[str, str]]:
         ("Mirror", f"{mirror.hand}, centre at ({_triple(mirror.centre_m)}) m; {posed}; reflectance {plain(mirror.reflectance)}"
                    + (f"; bezel over {plain(1000 * mirror.bezel_over_m)} mm of the edge" if mirror.bezel_over_m else "")),
         ("Own vehicle", f"{plain(scene.own_vehicle.width_m)} m wide, its rear at X = {plain(scene.own_vehicle.rear_m)} m"),
+        *(("Left out", text) for text in left_out),
         ("Light", f"sun {plain(light.elevation_deg)}° high, {plain(abs(light.azimuth_deg))}° to the "
                   f"{'left' if light.azimuth_deg < 0 else 'right'} of straight ahead; turbidity {plain(light.turbidity)} (the "
                   "sky of Preetham, Shirley and Smits, 1999)"),

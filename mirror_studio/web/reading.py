@@ -43,7 +43,7 @@ def read(kind: str, path: Path) -> None:
     elif kind == "reflector":
         from raytrace.reflector import load_reflector
 
-        reflector = load_reflector(path)
+        reflector = load_reflector(path, place="auto")
         if reflector.mesh is not None and len(reflector.mesh.faces) > MAX_FACES:
             raise FileError(f"{len(reflector.mesh.faces)} triangles are too many (the studio takes {MAX_FACES // 10**6} "
                             "million): write the mesh coarser")
