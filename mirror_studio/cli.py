@@ -27,6 +27,9 @@ app = App(
 Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; replaced as a whole.")]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the metrics as JSON to the standard output.")]
 Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the report as PDF too; needs the extra `pdf`.")]
+# Nine numbers may begin with a minus.
+PlaceText = Annotated[str, Parameter(name="--place", allow_leading_hyphen=True)]
+PlaceTexts = Annotated[list[str] | None, Parameter(name="--place", negative=(), allow_leading_hyphen=True)]
 
 Png = Annotated[list[Path] | None, Parameter(name="--png", negative=(), consume_multiple=(0, 1))]
 Faces = Annotated[bool, Parameter(name="--faces", negative=(), help="List a CAD file's faces and trace nothing.")]
@@ -68,13 +71,14 @@ def paper(*, out: Out = None, json: Json = False) -> int:
 
 @app.command
 def trace(file: Path, /, *, scene: str | None = None, face: str | None = None, faces: Faces = False,
-          normals: Literal["facets", "interpolated"] = "facets", out: Out = None, json: Json = False) -> int:
+          normals: Literal["facets", "interpolated"] = "facets", place: PlaceText = "auto", out: Out = None,
+          json: Json = False) -> int:
     """Trace what the driver sees in a CAD file's faces or a mesh.
 
     Parameters
     ----------
     file
-        A .step, .stp, .iges, .igs, .brep, .brp, .stl, .obj, .ply, .off, .gltf, .glb or .3mf file in mirror coordinates, mm.
+        A .step, .stp, .iges, .igs, .brep, .brp, .stl, .obj, .ply, .off, .gltf, .glb or .3mf file.
     scene
         A specification or preset that lends [eye], [scene], [view] and the index of [glass]; the defaults without it.
     face
@@ -82,6 +86,10 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None, f
         as #rrggbb. Without it the "optical face", or all faces where none is named so.
     normals
         Of a mesh: those of its facets, or interpolated between its vertices.
+    place
+        Where the mirror is in the file: "face", found from the face that reflects; "file", in mirror coordinates; or nine
+        numbers in the file's coordinates: origin x,y,z in mm, normal x,y,z towards the driver, up x,y,z. Without it "file" for
+        what `mirror-cad build` wrote, "face" for any other.
     """
     if faces:
         from mirror_studio.faces import print_faces
@@ -91,11 +99,13 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None, f
     _start_reader([file])
     from mirror_cad.spec.file import load_spec
     from mirror_studio.progress import Progress
+    from raytrace.seating import place_from
 
-    lent = load_spec(scene or "progressive-c")
+    lent, where = load_spec(scene or "progressive-c"), place_from(place)
     from mirror_studio.build.pipeline import trace_file
 
-    metrics = trace_file(file, lent, out or Path("exports") / f"{file.stem}-trace", Progress(), _chosen_face(face), normals)
+    folder = out or Path("exports") / f"{file.stem}-trace"
+    metrics = trace_file(file, lent, folder, Progress(), _chosen_face(face), normals, where)
     return _finish(metrics, (), json)
 
 
@@ -125,7 +135,8 @@ def view(what: str, /, *, out: Out = None, vtp: Path | None = None, png: Png = N
     Parameters
     ----------
     what
-        A TOML file, the name of a preset, or a .step, .stp, .iges, .igs, .brep or .brp file in mirror coordinates, mm.
+        A TOML file, the name of a preset, or a .step, .stp, .iges, .igs, .brep or .brp file; where its mirror is, is found
+        as for `trace`.
     vtp
         A folder or a .vtp file: write mirror.vtp and rays.vtp there and open no window.
     png
@@ -157,7 +168,8 @@ def view(what: str, /, *, out: Out = None, vtp: Path | None = None, png: Png = N
 
 
 @app.command
-def drive(mirror: list[str], /, *, scene: str = "motorway", out: Out = None, json: Json = False) -> int:
+def drive(mirror: list[str], /, *, scene: str = "motorway", place: PlaceTexts = None, out: Out = None,
+          json: Json = False) -> int:
     """Put mirrors on a vehicle on the road, aim them alike, and set what both eyes see and all measures side by side.
 
     Parameters
@@ -166,15 +178,19 @@ def drive(mirror: list[str], /, *, scene: str = "motorway", out: Out = None, jso
         Presets, specifications, CAD or mesh files.
     scene
         A scene's name, or a TOML file in metres.
+    place
+        Where the mirror is in its file, as for `trace`; FILE=PLACE says it for one of several files.
     """
     _start_reader([Path(each) for each in mirror])
     from mirror_studio.progress import Progress
     from mirror_studio.scene_file import load_scene
 
     loaded = load_scene(scene)
+    from mirror_studio.drive.mirrors import places_of
     from mirror_studio.drive.run import drive as run
 
-    return _finish(run(mirror, loaded, out or Path("exports") / f"drive-{loaded.name}", Progress()), (), json)
+    places = places_of(mirror, place or [])
+    return _finish(run(mirror, loaded, out or Path("exports") / f"drive-{loaded.name}", Progress(), places), (), json)
 
 
 @app.command

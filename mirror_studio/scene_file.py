@@ -72,7 +72,7 @@ class AimSection(Section):
 
 class OwnVehicleSection(Section):
     """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on; body "none" has
-    no looks."""
+    no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is true."""
 
     width_m: Size = 1.74
     front_m: Metres = -0.2
@@ -80,6 +80,7 @@ class OwnVehicleSection(Section):
     height_m: Size = 2.45
     body: str = "light-truck-flank"
     paint: Colour | None = None
+    keep_mirror: bool = False
 
 
 class LineSection(Section):

@@ -1,7 +1,7 @@
 """What an eye sees in a reflector: a STEP face, a mesh or a designed mirror, traced by exact rays.
 
 Rays                reflect, Rays, Trace, Status
-Reflectors          load_reflector, Reflector
+Reflectors          load_reflector, Reflector, Placement
 Looking into them   View, Pose, Eyes, HostVehicle, driver_view
 Measures            measures, Lane
 """
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from raytrace.errors import SceneError, TraceError
     from raytrace.load import load_reflector
     from raytrace.measures.lane import Lane
+    from raytrace.placement import Placement
     from raytrace.rays import Rays, Status, Trace
     from raytrace.reflector import Reflector
     from raytrace.trace import reflect
@@ -35,13 +36,14 @@ def _all_measures() -> object:
 add_source(_all_measures)
 # Loaded when first asked for, so that importing the package costs nothing: name -> module below this one.
 _HOME = {
-    "SceneError": "errors", "TraceError": "errors", "load_reflector": "load", "Lane": "measures.lane", "Rays": "rays",
+    "SceneError": "errors", "TraceError": "errors", "load_reflector": "load", "Lane": "measures.lane",
+    "Placement": "placement", "Rays": "rays",
     "Status": "rays", "Trace": "rays", "Reflector": "reflector", "reflect": "trace", "DriverView": "viewing.driver_view",
     "driver_view": "viewing.driver_view", "Pose": "viewing.pose", "Eyes": "viewing.vehicle", "HostVehicle": "viewing.vehicle",
     "TracedRays": "viewing.view", "View": "viewing.view", "measures": "measures",
 }
-__all__ = ["DriverView", "Eyes", "HostVehicle", "Lane", "Pose", "Rays", "Reflector", "SceneError", "Status", "Trace",
-           "TraceError", "TracedRays", "View", "driver_view", "load_reflector", "measures", "reflect"]
+__all__ = ["DriverView", "Eyes", "HostVehicle", "Lane", "Placement", "Pose", "Rays", "Reflector", "SceneError", "Status",
+           "Trace", "TraceError", "TracedRays", "View", "driver_view", "load_reflector", "measures", "reflect"]
 
 
 def __getattr__(name: str) -> object:

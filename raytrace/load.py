@@ -17,6 +17,7 @@ from raytrace.surfaces.quadric import QuadricFace
 
 if TYPE_CHECKING:
     from mirror_cad.occt.step import StepFace, StepFile
+    from raytrace.seating import Place
 
 Colour = tuple[int, int, int]
 
@@ -24,7 +25,8 @@ GLASS_INDEX = 1.52  # float glass, at the helium d line
 
 
 def load_reflector(path: str | Path, face: str | int | Colour | None = None, normals: Normals = "facets",
-                   index: float = GLASS_INDEX, progress: Callable[[float], None] | None = None) -> Reflector:
+                   index: float = GLASS_INDEX, progress: Callable[[float], None] | None = None,
+                   place: Place = "file") -> Reflector:
     """Read a reflector from a CAD file (.step, .stp, .iges, .igs, .brep, .brp) or a mesh (.stl, .obj, .ply, .off, .gltf, .glb,
     .3mf).
 
@@ -37,10 +39,23 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
     triangles alone (AP242) as a mesh. A mesh reflects on both sides, from its facets or, with normals = "interpolated", as the
     smooth surface its vertices lie on. `progress` is called with the share of a CAD file's faces that have been read. The
     kernel reads a CAD file in a child process, where a damaged one harms nobody.
+
+    `place` says in which coordinates: "file", those of the file, in which a script shoots its rays; "face", mirror coordinates
+    by the face's own frame (`raytrace.seating` has the rules); a `raytrace.Placement`, mirror coordinates as it states them;
+    "auto", as the commands have it: "file" for a file that `mirror-cad build` wrote, "face" for any other. The placement that
+    was taken is `reflector.placement`.
     Raises: FileError for a file that cannot be read or holds no face; TraceError for another kind of file, or where no face
     is the chosen one.
     """
-    path = Path(path)
+    from mirror_cad.own_files import written_by_us
+    from raytrace.seating import seated
+
+    return seated(_as_filed(Path(path), face, normals, index, progress), written_by_us(Path(path)), place)
+
+
+def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, index: float,
+              progress: Callable[[float], None] | None) -> Reflector:
+    """`load_reflector` in the coordinates of the file."""
     kind = path.suffix.lower()
     if not 1.0 <= index < float("inf"):
         raise TraceError(f"an index of {index:g} is no glass in air: it must be 1 or more")

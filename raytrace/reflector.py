@@ -20,6 +20,7 @@ from raytrace.surfaces.plate import Plate
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
+    from raytrace.placement import Placement
 
 Array = NDArray[np.float64]
 
@@ -30,16 +31,18 @@ OBSTACLE_DEFLECTION_MM = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Reflector:
-    """What reflects, and what only stands in the way, in mirror coordinates, mm.
+    """What reflects, and what only stands in the way, in the coordinates of its file, or of the mirror where it was seated; mm.
 
     Parameters
     ----------
     surface : what reflects, of whatever kind.
     obstacles : what blocks and does not reflect (the back and sides of a plate).
+    placement : where its coordinates are in those of the file that it was read from, where that is known.
     """
 
     surface: OpticalSurface
     obstacles: SurfaceMesh | None = None
+    placement: Placement | None = None
 
     @staticmethod
     def from_mirror(mirror: Mirror) -> Reflector:

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -35,8 +36,11 @@ from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.measures.registry import measures_of
+from raytrace.placement import Placement
+from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, load_picture
+from raytrace.seating import Place
 from raytrace.surfaces.mesh import Normals
 from raytrace.surfaces.plate import Plate
 from raytrace.viewing.camera import Frame
@@ -150,15 +154,18 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
 
 
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
-               normals: Normals = "facets") -> dict[str, Any]:
+               normals: Normals = "facets", place: Place = "auto") -> dict[str, Any]:
     """Trace a CAD or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
 
-    face, normals : as for `load_reflector`. A STEP file with a front face before its optical face is traced through glass of
-    the spec's index.
+    face, normals, place : as for `load_reflector`. A STEP file with a front face before its optical face is traced through
+    glass of the spec's index.
+
+    Raises: MirrorError as the readers do, and where no ray is reflected, with nothing written.
     """
     picture = load_picture(spec.scene.image)
     progress.step(f"{path.name}: reading")
-    reflector = load_reflector(path, face, normals, spec.glass.index, progress.share)
+    reflector = load_reflector(path, face, normals, spec.glass.index, progress.share, place)
+    placement = stated_placement(path.name, reflector, progress)
     box = _front_box(reflector)
     setting = ViewingSetup.of(spec, box)
     eye, use = setting.eye, setting.in_use(reflector)
@@ -167,6 +174,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     with new_set(out) as folder:
         progress.step(f"{path.name}: tracing the driver's view")
         view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
+        refuse_unreflected(path.name, rays, placement)
         write_png(folder / "driver-view.png", view)
         h_fov = h_fov_between_edges(reflector, eye, box)
         metrics: dict[str, Any] = {
@@ -175,7 +183,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
                 "traced": lane_straightness(use.setup, use.lane).percent,
                 "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, box)},
             "rays": rays, "normals_from": reflector.surface.normals_from,
-            "eye_mm": [float(value) for value in eye], "box_mm": list(box)}
+            "eye_mm": [float(value) for value in eye], "box_mm": list(box), "placement": placement.as_json()}
         write_json(folder / "metrics.json", metrics)
         manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": _lent(spec, reflector),
                     "versions": versions(), "files": hashes(folder)}
@@ -189,6 +197,21 @@ def _lent(spec: MirrorSpec, reflector: Reflector) -> dict[str, Any]:
     content = spec_as_json(spec)
     lent = {section: content[section] for section in ("eye", "scene", "view")}
     return lent if not reflector.surface.refracts else lent | {"glass": {"index": spec.glass.index}}
+
+
+def stated_placement(name: str, reflector: Reflector, progress: Progress) -> Placement:
+    """Say where a mirror is in its file; returns it."""
+    placement = reflector.placement or Placement.identity("file")
+    progress.step(f"{name}: placement: {placement}")
+    return placement
+
+
+def refuse_unreflected(name: str, rays: Mapping[str, int], placement: Placement) -> None:
+    """Raise TraceError where an eye sees nothing in the mirror: a picture of it would be empty."""
+    if not rays.get(Status.REFLECTED.name.lower()):
+        found = ", ".join(f"{count} {status}" for status, count in rays.items()) or "none was traced"
+        raise TraceError(f"{name}: no ray from the eye is reflected ({found}); the mirror was taken to be at {placement}. "
+                         "State with --place where it is and which way it looks, or choose what reflects with --face")
 
 
 # --- glass --------------------------------------------------------------------------------------------------------
@@ -226,8 +249,8 @@ def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
     points = reflector.outline()
     (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
     if x_max - x_min < SMALLEST_BOX_MM or y_max - y_min < SMALLEST_BOX_MM:
-        raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks (along "
-                         "−z): the file must be in mirror coordinates, and its faces must have edges there")
+        raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks at it: it "
+                         "is seen edge-on, or has no edges. State with --place where it is, or choose its face with --face")
     return float(x_min), float(x_max), float(y_min), float(y_max)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mirror_cad.cad_file import read_cad
 from mirror_cad.errors import FileError
 from mirror_cad.mirror import design
+from mirror_cad.own_files import written_by_us
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
@@ -20,8 +21,10 @@ from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.assembly import OPTICAL_FACE
 from raytrace.cad_reflector import reflector_from_cad
 from raytrace.file_kinds import CAD_KINDS
+from raytrace.placement import Placement
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
+from raytrace.seating import seated
 from raytrace.trace import reflect
 
 Array = NDArray[np.float64]
@@ -76,11 +79,14 @@ def _of_cad(path: Path) -> Subject:
         quadric = as_it_is.surface if isinstance(as_it_is.surface, Quadric) else None
         sheets.append(sheet(as_spline.surface, as_spline.loops, quadric=quadric))
     starts = np.cumsum([0, *(len(each.vertices) for each in sheets[:-1])])
-    shown = Sheet(np.concatenate([each.vertices for each in sheets]), np.concatenate([each.normals for each in sheets]),
+    spec = load_spec(LENDER)
+    reflector = seated(reflector_from_cad(file, None, spec.glass.index, "facets"), written_by_us(path))
+    placement = reflector.placement or Placement.identity()
+    shown = Sheet(placement.to_mirror(np.concatenate([each.vertices for each in sheets])),
+                  np.concatenate([each.normals for each in sheets]) @ placement.rotation.T,
                   np.concatenate([each.faces + start for each, start in zip(sheets, starts, strict=True)]),
                   {key: np.concatenate([each.fields[key] for each in sheets]) for key in sheets[0].fields})
-    spec = load_spec(LENDER)
-    return Subject(path.stem, shown, _fan(reflector_from_cad(file, None, spec.glass.index, "facets"), shown, spec))
+    return Subject(path.stem, shown, _fan(reflector, shown, spec))
 
 
 def _fan(reflector: Reflector, shown: Sheet, spec: MirrorSpec) -> Fan:

@@ -20,7 +20,9 @@ from raytrace.errors import TraceError
 from raytrace.file_kinds import CAD_KINDS, conversion
 from raytrace.load import load_reflector, reflector_of
 from raytrace.mesh_files import MESH_KINDS
+from raytrace.placement import Placement
 from raytrace.reflector import Reflector
+from raytrace.seating import Place, place_from
 from raytrace.viewing.aim import Aim, aimed, shown_aim
 from raytrace.viewing.bezel import visible_aperture
 from raytrace.viewing.eye_views import EyeViews
@@ -53,6 +55,11 @@ class DrivenMirror:
         """Seen by the left eye, from the middle between the eyes, and by the right eye."""
         return EyeViews.of(self.reflector, self.pose, self.eyes)
 
+    @property
+    def placement(self) -> Placement:
+        """Where it is in its file."""
+        return self.whole.placement or Placement.identity("file")
+
     def turned(self, yaw: float, pitch: float) -> DrivenMirror:
         """The mirror with its yaw and pitch changed by angles, radians."""
         return replace(self, pose=replace(self.pose, yaw=self.pose.yaw + yaw, pitch=self.pose.pitch + pitch))
@@ -62,15 +69,38 @@ class DrivenMirror:
         return shown_aim(self.reflector, self.pose, self.eyes.middle, self.own.rear_edge(self.pose.hand))
 
 
-def driven_mirror(name_or_path: str, scene: SceneFile) -> DrivenMirror:
+def places_of(names: Sequence[str], said: Sequence[str]) -> dict[str, Place]:
+    """Where each of the mirrors is in its file, by what a command line says: PLACE for all files, FILE=PLACE for one.
+
+    Raises: SpecError for a FILE that is none of the mirrors, or a second place of one; TraceError as `place_from` does.
+    """
+    found: dict[str, Place] = {}
+    for text in said:
+        name, _, place = text.rpartition("=")
+        if name and name not in names:
+            raise SpecError(f"--place {text}: {name!r} is none of the mirrors: {', '.join(names)}")
+        if name in found:
+            raise SpecError(f"--place {text}: {repr(name) + ' has' if name else 'all files have'} a place already")
+        found[name] = place_from(place)
+    everywhere = found.pop("", None)
+    files = [name for name in names if Path(name).suffix.lower() in FILES]
+    for name in found:
+        if name not in files:
+            raise SpecError(f"--place {name}=…: {name!r} is designed here, in mirror coordinates: only a file has a place")
+    return {name: everywhere for name in files if everywhere is not None} | found
+
+
+def driven_mirror(name_or_path: str, scene: SceneFile, place: Place = "auto") -> DrivenMirror:
     """Read or design a mirror, and aim it as the scene says. A designed one is traced as read back from its STEP file.
+
+    place : where the mirror is in its file, as for `load_reflector`.
 
     Raises: MirrorError that says what is wrong with it.
     """
     path = Path(name_or_path)
     spec = None
     if path.suffix.lower() in FILES or conversion(path.suffix.lower()):
-        name, reflector = path.stem, load_reflector(path, normals="interpolated")
+        name, reflector = path.stem, load_reflector(path, normals="interpolated", place=place)
     else:
         spec = load_spec(name_or_path)
         name, reflector = spec.name, exported(spec)

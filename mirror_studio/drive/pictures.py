@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_studio.drive.mirrors import DrivenMirror
-from mirror_studio.drive.world import bodies_of, daylight_of, housing_body, road_of
+from mirror_studio.drive.world import bodies_and_left_out, daylight_of, housing_body, road_of
 from mirror_studio.scene_file import SceneFile
 from raytrace.image import photograph
 from raytrace.measures.magnification import mirror_grid, ray_differentials
@@ -37,7 +37,9 @@ class World:
     """A scene's bodies, road and light, made once for all mirrors; the housing of each comes with it."""
 
     def __init__(self, scene: SceneFile) -> None:
-        self.named: tuple[tuple[str, Body], ...] = bodies_of(scene)
+        named, left_out = bodies_and_left_out(scene)
+        self.named: tuple[tuple[str, Body], ...] = named
+        self._door_mirror = left_out  # of the driver's own vehicle
         self.bodies = tuple(body for _, body in self.named)
         self.own = 0 if scene.own_vehicle.body == "none" else 1  # how many of the bodies are the driver's vehicle
         self.road, self.daylight = road_of(scene), daylight_of(scene)
@@ -46,8 +48,10 @@ class World:
 
     @property
     def left_out(self) -> list[str]:
-        """What of the bodies' looks is not drawn, a line a file."""
-        return sorted({body.left_out for body in self.bodies} - {""})
+        """What is left out of the scene, a line each: the host vehicle's own door mirror, and what of bodies' looks is not
+        drawn."""
+        own = [] if self._door_mirror is None else [f"{self._door_mirror}; own_vehicle.keep_mirror = true keeps it"]
+        return own + sorted({body.left_out for body in self.bodies} - {""})
 
     @cached_property
     def lit(self) -> LitWorld:

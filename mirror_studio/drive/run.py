@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
-from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
+from mirror_studio.build.pipeline import hashes, refuse_unreflected, stated_placement, versions, write_json, write_png
 from mirror_studio.drive import drawings
 from mirror_studio.drive.in_plan import Array, footprint
 from mirror_studio.drive.measured import Measured, asked_of, figures, main_figures, measure
@@ -21,10 +21,14 @@ from mirror_studio.drive.table import write_csv
 from mirror_studio.drive.world import MM
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
+from raytrace.seating import Place
 
 
-def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress) -> dict[str, Any]:
+def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
+          places: Mapping[str, Place] | None = None) -> dict[str, Any]:
     """Make the files of some mirrors in one scene in `out`, which is replaced as a whole; returns what measures.json holds.
+
+    places : by name, where a mirror is in its file; "auto" for what is not in it.
 
     Raises: MirrorError, with nothing written.
     """
@@ -32,18 +36,21 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
         mirrors: list[DrivenMirror] = []
         for name in names:
             progress.step(f"{name}: making and aiming")
-            mirrors.append(driven_mirror(name, scene))
+            mirrors.append(driven_mirror(name, scene, (places or {}).get(name, "auto")))
+            if mirrors[-1].spec is None:
+                stated_placement(mirrors[-1].name, mirrors[-1].whole, progress)
         mirrors = named_apart(mirrors, names)
         progress.step(f"{scene.name}: reading bodies")
         world = World(scene)
         for line in world.left_out:
-            progress.step(line)
+            progress.step(f"{scene.name}: left out: {line}" if "left out" not in line else line)
         bodies = {name: body for name, body in world.named if name}
         asked = asked_of(scene, bodies)
         measured, changes, rays = [], [], {}
         for mirror in mirrors:
             progress.step(f"{mirror.name}: what both eyes see")
             picture, rays[mirror.name] = both_eyes(mirror, world, progress.share)
+            refuse_unreflected(mirror.name, rays[mirror.name], mirror.placement)
             write_png(folder / picture_name(mirror.name), picture)
             progress.step(f"{mirror.name}: measures")
             measured.append(measure(mirror, asked))
@@ -58,7 +65,8 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress)
 
 def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, dict[str, float | None]]],
            rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]], left_out: list[str]) -> dict[str, Any]:
-    found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name]}
+    found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name],
+                              "placement": each.mirror.placement.as_json()}
              for each, change in zip(measured, changes, strict=True)]
     drawings.magnification_maps(folder / "maps.png", measured)
     lines_width = drawings.line_drawings(folder / "lines.png", measured)
@@ -71,5 +79,6 @@ def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: li
     write_sheet(folder / "index.html", scene, measured, found, lines_width, left_out)
     specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
+                                   "left_out": left_out,
                                    "versions": versions(), "files": hashes(folder)})
     return content

@@ -39,7 +39,7 @@ def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figu
                for each, one in zip(measured, figures, strict=True)]
     page = templates().get_template("drive.html.j2").render(
         title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}",
-        facts=_facts(scene) + ([("Bodies", "; ".join(left_out))] if left_out else []),
+        facts=_facts(scene, left_out),
         lead=_lead(scene) if len(measured) > 1 else "", one_scale=_one_scale(measured),
         lines_percent=f"{100.0 * lines_width:.1f}", radii_of=_designed(measured),
         mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)),
@@ -87,7 +87,7 @@ def _lead(scene: SceneFile) -> str:
     return "The same vehicle, road, light and aim for every mirror: flank and horizon lie at the same places in each."
 
 
-def _facts(scene: SceneFile) -> list[tuple[str, str]]:
+def _facts(scene: SceneFile, left_out: Sequence[str]) -> list[tuple[str, str]]:
     eyes, mirror, light = scene.eyes, scene.mirror, scene.light
     aim = scene.aim or AimSection()
     posed = (f"yaw {plain(mirror.yaw_deg)}°, pitch {plain(mirror.pitch_deg or 0.0)}°" if mirror.yaw_deg is not None else
@@ -100,6 +100,7 @@ def _facts(scene: SceneFile) -> list[tuple[str, str]]:
         ("Mirror", f"{mirror.hand}, centre at ({_triple(mirror.centre_m)}) m; {posed}; reflectance {plain(mirror.reflectance)}"
                    + (f"; bezel over {plain(1000 * mirror.bezel_over_m)} mm of the edge" if mirror.bezel_over_m else "")),
         ("Own vehicle", f"{plain(scene.own_vehicle.width_m)} m wide, its rear at X = {plain(scene.own_vehicle.rear_m)} m"),
+        *(("Left out", text) for text in left_out),
         ("Light", f"sun {plain(light.elevation_deg)}° high, {plain(abs(light.azimuth_deg))}° to the "
                   f"{'left' if light.azimuth_deg < 0 else 'right'} of straight ahead; turbidity {plain(light.turbidity)} (the "
                   "sky of Preetham, Shirley and Smits, 1999)"),

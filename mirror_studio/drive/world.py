@@ -15,6 +15,7 @@ from mirror_studio.scene_file import BodySection, SceneFile
 from raytrace.errors import SceneError
 from raytrace.scene.bodies import Body, body_of, read_body
 from raytrace.scene.daylight import Daylight
+from raytrace.scene.door_mirror import LeftOut, without_door_mirror
 from raytrace.scene.materials import Colour, Material, linear
 from raytrace.scene.road import LaneLine, Road
 from raytrace.viewing.pose import Pose
@@ -51,6 +52,14 @@ def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
 
     Raises: SceneError for a body that cannot be had, with its place in the scene.
     """
+    return bodies_and_left_out(scene)[0]
+
+
+def bodies_and_left_out(scene: SceneFile) -> tuple[tuple[tuple[str, Body], ...], LeftOut | None]:
+    """The same, and what of the driver's own vehicle is left out because the mirror is mounted there.
+
+    Raises: SceneError for a body that cannot be had, with its place in the scene.
+    """
     known: dict[tuple[str, str | None, str], Body] = {}
 
     def body(name: str, unit: str | None = None, up: Any = "z") -> Body:
@@ -62,9 +71,12 @@ def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
         return made if paint is None else made.painted(_colour(paint))
 
     found, where = [], "own_vehicle"
+    left_out: LeftOut | None = None
     try:
         if scene.own_vehicle.body != "none":
             own = body(scene.own_vehicle.body).placed(MM * np.array([scene.own_vehicle.front_m, 0.0, 0.0]))
+            if not scene.own_vehicle.keep_mirror:
+                own, left_out = without_door_mirror(own, MM * np.array(scene.mirror.centre_m))
             found.append(("", painted(own, scene.own_vehicle.paint)))
         for vehicle in scene.vehicle:
             where = f"vehicle {vehicle.name!r}"
@@ -76,7 +88,7 @@ def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
             found += [(thing.name or "", _placed(made, thing, k * thing.every_m)) for k in range(thing.count)]
     except MirrorError as error:
         raise SceneError(f"{scene.name}: {where}: {error}") from None
-    return tuple(found)
+    return tuple(found), left_out
 
 
 def road_of(scene: SceneFile) -> Road | None:

@@ -46,7 +46,7 @@ def _read(kind: str, path: Path) -> None:
     elif kind == "reflector":
         from raytrace.load import load_reflector
 
-        reflector = load_reflector(path)
+        reflector = load_reflector(path, place="auto")
         if reflector.surface.triangle_count > MAX_FACES:
             raise FileError(f"{reflector.surface.triangle_count} triangles are too many (the studio takes {MAX_FACES // 10**6} "
                             "million): write the mesh coarser")

@@ -3,17 +3,51 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Self
+from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import TraceError
-from raytrace.rays import NormalsFrom, Rays, Trace
+from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.rim import Curve
+from raytrace.surfaces.trimming import Trimming
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
+
+CELLS = 16  # a direction, that a face is sampled in: for which way it looks and bulges, not for where its frame is
+
+
+class RigidMotion(Protocol):
+    """Coordinates of a file to those of a mirror: p' = R·(p − o)."""
+
+    @property
+    def rotation(self) -> Array:
+        """R (3, 3), whose determinant is 1."""
+
+    def to_mirror(self, points: Array) -> Array:
+        """Points (…, 3), mm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AreaSamples:
+    """Points (n, 3) on what reflects, and area times outward normal (n, 3) around each; owner (n,) : the face's number."""
+
+    points: Array
+    areas: Array
+    owner: NDArray[np.intp]
+
+    @property
+    def sizes(self) -> Array:
+        """Areas (n,), mm²."""
+        result: Array = np.linalg.norm(self.areas, axis=1)
+        return result
+
+    def those(self, wanted: Mask) -> AreaSamples:
+        """Those of a mask (n,)."""
+        return AreaSamples(self.points[wanted], self.areas[wanted], self.owner[wanted])
 
 
 class OpticalSurface(ABC):
@@ -31,6 +65,33 @@ class OpticalSurface(ABC):
     @abstractmethod
     def outline(self) -> Array:
         """Points (n, 3), mm, between which it lies in x and y."""
+
+    @abstractmethod
+    def moved(self, motion: RigidMotion) -> Self:
+        """The same surface in other coordinates, exact but for rounding."""
+
+    # --- which way it looks -------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def area_samples(self) -> AreaSamples:
+        """Where it is and which way it looks, evenly enough to tell its side and size by."""
+
+    @property
+    def looks_outward(self) -> bool:
+        """Whether it is known to reflect on its outward side alone."""
+        return False
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether it is a sheet of facets, each of which may be turned either way."""
+        return False
+
+    @abstractmethod
+    def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        """The part of it that some of its samples are of, reflecting on both sides, and points (n, 3) of its rim and facets.
+
+        samples : those of `area_samples`, some of which may have been turned.   side (n,) : which are meant.
+        """
 
     # --- how well it is known -----------------------------------------------------------------------------------------
 
@@ -157,6 +218,14 @@ class BoundedFace(OpticalSurface):
     def parameter_limits(self) -> tuple[Array, Array]:
         """The least and the greatest (u, v) at which rays meet the surface, (2,) each."""
 
+    sign: float
+    one_sided: bool
+
+    @property
+    @abstractmethod
+    def trimming(self) -> Trimming:
+        """Its loops as the kernels take them."""
+
     @property
     def bounding_faces(self) -> tuple[BoundedFace, ...]:
         return (self,)
@@ -164,6 +233,39 @@ class BoundedFace(OpticalSurface):
     @property
     def extends(self) -> bool:
         return True
+
+    @property
+    def looks_outward(self) -> bool:
+        return self.one_sided
+
+    @abstractmethod
+    def two_sided(self) -> BoundedFace:
+        """The same face, reflecting on both sides."""
+
+    def area_samples(self) -> AreaSamples:
+        """Middles of the cells of a grid in (u, v) that lie inside the loops, or of all where none does."""
+        u_min, u_max, v_min, v_max = self.trimming.box
+        u, v = np.linspace(u_min, u_max, CELLS + 1), np.linspace(v_min, v_max, CELLS + 1)
+        s = self.evaluate(u[:, None], v[None, :])
+        at_u, at_v = (each.ravel() for each in np.meshgrid(0.5 * (u[1:] + u[:-1]), 0.5 * (v[1:] + v[:-1]), indexing="ij"))
+        areas = 0.5 * self.sign * np.cross(s[1:, 1:] - s[:-1, :-1], s[:-1, 1:] - s[1:, :-1]).reshape(-1, 3)
+        inside = self.trimming.contains(at_u, at_v)
+        if not inside.any():
+            inside[:] = True
+        return AreaSamples(self.evaluate(at_u[inside], at_v[inside]), areas[inside], np.zeros(int(inside.sum()), dtype=np.intp))
+
+    def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        return self.two_sided(), np.concatenate([*(curve.points for curve in self.rim), samples.points[side]])
+
+
+Face = TypeVar("Face", bound=BoundedFace)
+
+
+def with_trimming_of(face: BoundedFace, again: Face) -> Face:
+    """The second face, with what the first has made of the loops that both have: sorting them takes as long as reading."""
+    if "trimming" in vars(face):
+        vars(again)["trimming"] = face.trimming
+    return again
 
 
 def no_inset(margin_mm: float) -> TraceError:

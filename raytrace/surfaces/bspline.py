@@ -14,7 +14,7 @@ from raytrace.errors import TraceError
 from raytrace.kernels import first_hit, newton
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
-from raytrace.surfaces.base import BoundedFace, grid_points, no_inset
+from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, with_trimming_of
 from raytrace.surfaces.inset import moved_inwards
 from raytrace.surfaces.pieces import Pieces, pieces_of
 from raytrace.surfaces.polynomials import HeightField, Patches, is_graph
@@ -144,6 +144,15 @@ class BSplineFace(BoundedFace):
         _run(lambda i, j, *arrays: newton.parametric_hits(  # type: ignore[no-untyped-call]
             patches.powers, patches.parts, *patches.arguments, *self.trimming.arguments, self.trimming.interior_spans,
             self.sign, self.one_sided, patches.closed, sheet, flat[2 * i:2 * j], *arrays), rays, out, ends=True)
+
+    def moved(self, motion: RigidMotion) -> BSplineFace:
+        s = self.surface
+        poles = motion.to_mirror(s.poles)
+        again = replace(self, surface=BSplineSurface(s.degree_u, s.degree_v, s.knots_u, s.knots_v, poles, s.weights))
+        return with_trimming_of(self, again)
+
+    def two_sided(self) -> BSplineFace:
+        return replace(self, one_sided=False)
 
     # --- what is asked of any optical surface -------------------------------------------------------------------------
 

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.rays import Rays, Trace
-from raytrace.surfaces.base import BoundedFace, OpticalSurface
+from raytrace.rays import Mask, Rays, Trace
+from raytrace.surfaces.base import AreaSamples, BoundedFace, OpticalSurface, RigidMotion
 from raytrace.surfaces.bspline import BSplineFace, search_pieces
 from raytrace.surfaces.pieces import Pieces, pieces_of
 from raytrace.surfaces.quadric import FEW, QuadricFace, Quadrics, first_of_quadrics
@@ -57,6 +57,23 @@ class FaceSet(OpticalSurface):
                 first_of_quadrics(self.quadrics, self.quadric_tree, some, found)
             search_pieces(self.pieces, some, found, begun=bool(self.quadrics))
             out.scatter(part, found)
+
+    def moved(self, motion: RigidMotion) -> FaceSet:
+        return FaceSet(tuple(face.moved(motion) for face in self.splines), tuple(face.moved(motion) for face in self.quadrics))
+
+    @property
+    def looks_outward(self) -> bool:
+        return all(face.one_sided for face in self.faces)
+
+    def area_samples(self) -> AreaSamples:
+        parts = [face.area_samples() for face in self.faces]
+        return AreaSamples(np.concatenate([part.points for part in parts]), np.concatenate([part.areas for part in parts]),
+                           np.repeat(np.arange(len(parts)), [len(part.points) for part in parts]))
+
+    def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        faces = tuple(self.faces[k].two_sided() for k in np.unique(samples.owner[side]))
+        points = [curve.points for face in faces for curve in face.rim]
+        return faces[0] if len(faces) == 1 else FaceSet.of(faces), np.concatenate([*points, samples.points[side]])
 
     @property
     def bounding_faces(self) -> tuple[BoundedFace, ...]:

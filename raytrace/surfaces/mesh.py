@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.embree import TriangleScene
 from raytrace.kernels.mesh_normals import corner_normals, interpolated_normals
-from raytrace.rays import NormalsFrom, Rays, Status, Trace
-from raytrace.surfaces.base import OpticalSurface
+from raytrace.rays import Mask, NormalsFrom, Rays, Status, Trace
+from raytrace.surfaces.base import AreaSamples, OpticalSurface, RigidMotion
 
 Array = NDArray[np.float64]
 Normals = Literal["facets", "interpolated"]
@@ -94,6 +94,30 @@ class MeshSurface(OpticalSurface):
     def outline(self) -> Array:
         """Its vertices (n, 3), mm."""
         return self.mesh.vertices
+
+    def moved(self, motion: RigidMotion) -> MeshSurface:
+        return replace(self, mesh=SurfaceMesh(motion.to_mirror(self.mesh.vertices), self.mesh.faces))
+
+    def area_samples(self) -> AreaSamples:
+        """Of every facet."""
+        corners = self.mesh.vertices[self.mesh.faces]
+        areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return AreaSamples(corners.mean(axis=1), areas, np.arange(len(corners)))
+
+    @property
+    def is_loose(self) -> bool:
+        """Not where every edge has as many facets on it as make a body: an even number."""
+        faces = self.mesh.faces
+        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        codes = edges[:, 0].astype(np.int64) * len(self.mesh.vertices) + edges[:, 1]
+        counts = np.unique(codes, return_counts=True)[1]
+        return not bool((counts % 2 == 0).all())
+
+    def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        turned = np.einsum("ni,ni->n", samples.areas, self.area_samples().areas) < 0.0
+        facets = np.where(turned[:, None], self.mesh.faces[:, ::-1], self.mesh.faces)
+        mesh = SurfaceMesh(self.mesh.vertices, facets[side])
+        return MeshSurface(mesh, "interpolated"), mesh.vertices[np.unique(mesh.faces)]
 
     def interpolated(self) -> MeshSurface:
         return self if self.normals == "interpolated" else self._interpolated

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
-from raytrace.rays import Index, Rays, Status, Trace
-from raytrace.surfaces.base import Box, OpticalSurface, no_inset
+from raytrace.rays import Index, Mask, Rays, Status, Trace
+from raytrace.surfaces.base import AreaSamples, Box, OpticalSurface, RigidMotion, no_inset
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.faces import Face
 from raytrace.surfaces.rim import Curve
@@ -140,6 +140,20 @@ class Plate(OpticalSurface):
             raise TraceError("the plate's front is no B-spline: its ghost is not measured")
         d = self.front.surface.derivatives(u, v)
         return d["s"], self.front.sign * normals(d["u"], d["v"])
+
+    def moved(self, motion: RigidMotion) -> Plate:
+        return replace(self, front=self.front.moved(motion), back=self.back.moved(motion))
+
+    @property
+    def looks_outward(self) -> bool:
+        return self.back.one_sided
+
+    def area_samples(self) -> AreaSamples:
+        """Of the back, which reflects."""
+        return self.back.area_samples()
+
+    def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        return self.back.one_side(samples, side)
 
     def prepared(self) -> Plate:
         self.front.prepared(), self.back.prepared()

@@ -14,7 +14,7 @@ from mirror_cad.surfaces.quadric import Quadric
 from raytrace.kernels import newton
 from raytrace.parallel import parallel_for
 from raytrace.rays import Mask, Rays, Trace
-from raytrace.surfaces.base import BoundedFace
+from raytrace.surfaces.base import BoundedFace, RigidMotion, with_trimming_of
 from raytrace.surfaces.pieces import BOX_MARGIN, tree_of
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import STRIPS, Trimming
@@ -100,6 +100,14 @@ class QuadricFace(BoundedFace):
     def parameter_limits(self) -> tuple[Array, Array]:
         """None: a quadric has no ends of its own."""
         return np.full(2, -np.inf), np.full(2, np.inf)
+
+    def moved(self, motion: RigidMotion) -> QuadricFace:
+        q = self.quadric
+        turned = Quadric(q.kind, motion.to_mirror(q.centre), q.axes @ motion.rotation.T, q.radius_mm)
+        return with_trimming_of(self, replace(self, quadric=turned))
+
+    def two_sided(self) -> QuadricFace:
+        return replace(self, one_sided=False)
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Points (…, 3), mm, at its parameters."""

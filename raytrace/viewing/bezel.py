@@ -18,6 +18,8 @@ RIM_MM, PROUD_MM = 13.0, 4.0  # the housing's rim: how wide, and how far before 
 DEPTH_MM, NARROWER = 75.0, 0.72  # the housing behind it: how deep, and how wide its back is beside its front
 RIM_STEPS, SHELL_STEPS = 6, 8
 NEAR = 5e-3  # of the mirror's size: what is one edge in plan
+OFF_GRID = 0.2718  # of a cell: a mirror's ends, and what divides it evenly, would lie on the border of two
+CORNER = 0.93  # of y beside x in the direction of the corner that a hull begins at: no direction of a likely edge
 
 
 def visible_aperture(reflector: Reflector, over_mm: float) -> Reflector:
@@ -69,13 +71,18 @@ def edge_loop(reflector: Reflector) -> Array:
         if np.array_equal(np.ptp(rim[:, :2], axis=0), np.ptp(points[:, :2], axis=0)):
             return rim
     hull: Array = points[ConvexHull(points[:, :2]).vertices]
+    # Where the hull begins, and which of the points on a straight side it has, hangs on rounding: from a corner on, evenly.
+    hull = np.roll(hull, -int(np.argmax(hull[:, 0] - CORNER * hull[:, 1])), axis=0)
+    hull = resampled(hull, None)
     low = points[:, :2].min(axis=0)
     size = NEAR * float(np.ptp(points[:, :2], axis=0).max())
-    cells = np.floor((points[:, :2] - low) / size).astype(np.intp) + 1
+    cells = np.floor((points[:, :2] - low) / size + OFF_GRID).astype(np.intp) + 1
     highest = np.full(cells.max(axis=0) + 2, -np.inf)
     np.maximum.at(highest, tuple(cells.T), points[:, 2])
-    i, j = (np.floor((hull[:, :2] - low) / size).astype(np.intp) + 1).T
-    hull[:, 2] = np.max([highest[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)], axis=0)
+    i, j = (np.floor((hull[:, :2] - low) / size + OFF_GRID).astype(np.intp) + 1).T
+    height = np.max([highest[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)], axis=0)
+    near = np.flatnonzero(np.isfinite(height))  # a coarse mesh has vertices here and there: straight from one to the next
+    hull[:, 2] = np.interp(np.arange(len(hull)), np.append(near, len(hull)), np.append(height[near], height[near[0]]))
     return hull
 
 

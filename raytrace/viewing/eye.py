@@ -24,6 +24,6 @@ def eye_position(distance_mm: float, aligned: str, box: Box) -> Array:
     """
     x = {"right": box[1], "centre": 0.0, "left": box[0]}[aligned]
     if abs(x) >= distance_mm:
-        raise TraceError(f"eye.distance_mm = {distance_mm:g} is not above {abs(x):g} mm, the mirror's own half-width: an eye "
-                         f"aligned with its {aligned} edge would sit in the mirror")
+        raise TraceError(f"eye.distance_mm = {distance_mm:g} is not above {abs(x):g} mm, how far the mirror's {aligned} edge "
+                         "is from the origin: an eye aligned with it would sit in the mirror")
     return np.array([x, 0.0, math.sqrt(distance_mm**2 - x**2)])
