@@ -281,6 +281,10 @@ def test_keys_of_the_horizontal_section_are_refused_in_the_vertical_one_beside_i
                  'vertical.blend_from = "match": must be a number at least 0 and at most 1 (only [horizontal] is solved for)'):
         assert part in text
     assert len(caught.value.faults) == 4
+    with pytest.raises(mc.SpecError, match=r"vertical\.match: this key belongs to \[horizontal\]"):
+        spec_of(constant(900.0), constant(900.0) | {"match": {"sphere_mm": 950.0}})
+    with pytest.raises(mc.SpecError, match=r"horizontal\.match: this key belongs to law = 'power' or 'zones'"):
+        spec_of(constant(900.0) | {"match": {"sphere_mm": 950.0}}, constant(900.0))
 
 
 @pytest.mark.parametrize("column", ["radius_mm", "curvature_per_mm"])

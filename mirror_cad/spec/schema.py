@@ -249,9 +249,9 @@ class MirrorSpec(Section):
         Rx and Ry over x, each one of `mirror_cad.laws`.
     """
 
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"), Shown("Name")] = "mirror"
     horizontal: Annotated[SerializeAsAny[Law], PlainValidator(horizontal_law)]
     vertical: Annotated[SerializeAsAny[Law], PlainValidator(vertical_law)]
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"), Shown("Name")] = "mirror"
     blank: Blank = Blank()
     outline: OutlineSpec = OutlineSpec()
     glass: Glass = Glass()
