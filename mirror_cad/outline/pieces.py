@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirror_cad.errors import OutlineError
-from mirror_cad.outline.numbers import FULL_TURN, point_text
+from mirror_cad.outline.numbers import FULL_TURN, LARGEST, point_text
 from mirror_cad.outline.segments import Arc, Segment, Spline
 
 
@@ -27,6 +27,8 @@ def elliptic_arc(centre: ArrayLike, u: ArrayLike, v: ArrayLike, start: float, sw
     cos(h); pieces of at most a quarter turn keep the weights at 0.7 and above.
     """
     c, u, v = (np.asarray(value, dtype=float) for value in (centre, u, v))
+    if not max(np.abs(value).max() for value in (c, u, v)) <= LARGEST:
+        raise OutlineError(f"an ellipse about {point_text(c)} has half axes beyond {LARGEST:g} mm: check its numbers")
     cross = u[0] * v[1] - u[1] * v[0]
     length_u, length_v = math.hypot(*u), math.hypot(*v)
     if not (math.isfinite(cross) and abs(cross) > 1e-12 * max(length_u, length_v) ** 2):
