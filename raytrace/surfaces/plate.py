@@ -90,5 +90,5 @@ def _from_before(reflector: Reflector, points: Array, directions: Array) -> Trac
 
 @lru_cache(maxsize=8)
 def _faces(front: Face, back: Face) -> tuple[Reflector, Reflector, Reflector]:
-    """Front from the air, back, and front from either side, each with the start meshes that it makes once."""
+    """Front from the air, back, and front from either side, each with the pieces that it is searched in, made once."""
     return tuple(Reflector((face,)) for face in (front, back, replace(front, one_sided=False)))  # type: ignore[return-value]

@@ -149,7 +149,7 @@ def _shown_face(view: View) -> TrimmedSurface | TrimmedQuadric | None:
 
 @lru_cache(maxsize=8)
 def _alone(face: TrimmedSurface | TrimmedQuadric) -> Reflector:
-    """A face that nothing stands before, with the sheet and the start meshes that it makes once."""
+    """A face that nothing stands before, with the sheet and the pieces that it is searched in, made once."""
     return Reflector((face,))
 
 
