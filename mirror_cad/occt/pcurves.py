@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 # Trimming polygons stay this close to the pcurves, as a share of the parameter range in either direction.
 LOOP_CHORD = 1e-8
 MAX_CHORDS = 1 << 15  # of one smooth piece of a pcurve
+STRAIGHT = 1e-3  # of LOOP_CHORD: poles as far beside a line are on it but for rounding
+STRAIGHT_CHORDS = 16  # of a spline that is a straight line
 MAX_PARTS = 64  # that a chord is divided into at once
 FIRST_CHORDS = 8  # of a smooth piece of a curve of which nothing is known
 
@@ -64,6 +66,10 @@ def _spline_polyline(curve: Geom2d_BSplineCurve, start: float, end: float, scale
     distinct = np.array([curve.Knot(i) for i in range(1, curve.NbKnots() + 1)])
     knots = np.repeat(distinct, [curve.Multiplicity(i) for i in range(1, curve.NbKnots() + 1)])
 
+    if _is_straight(poles[:, :2] / poles[:, 2:] if poles.shape[1] == 3 else poles, scale):
+        # In a few chords: where the next edge begins is off by the file's rounding, and the last chord alone leads there.
+        return np.linspace(curve.Value(start).Coord(), curve.Value(end).Coord(), STRAIGHT_CHORDS + 1)
+
     def evaluate(t: Array) -> Array:
         # De Boor's algorithm on all t at once (The NURBS Book, eq. 5.11).
         span = np.clip(np.searchsorted(knots, t, side="right") - 1, degree, count - 1)
@@ -81,6 +87,18 @@ def _spline_polyline(curve: Geom2d_BSplineCurve, start: float, end: float, scale
     parts = 1 if degree == 1 and poles.shape[1] == 2 else degree
     inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(parts) / parts
     return _refined(evaluate, np.append(inner.ravel(), end), scale)
+
+
+def _is_straight(poles: Array, scale: Array) -> bool:
+    """Whether a curve of these poles runs straight from one end to the other: seams do, and are known by it."""
+    beside = (poles - poles[0]) / scale
+    way = beside[-1]
+    square = float(way @ way)
+    if square == 0.0:
+        return False
+    along = beside @ way / square
+    off = np.abs(beside - along[:, None] * way).max()
+    return bool(off <= STRAIGHT * LOOP_CHORD and (np.diff(along) >= -STRAIGHT * LOOP_CHORD).all())
 
 
 def _refined(evaluate: Callable[[Array], Array], t: Array, scale: Array) -> Array:

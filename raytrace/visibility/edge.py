@@ -203,7 +203,7 @@ def _shown_face(view: View) -> BoundedFace | None:
 
 @lru_cache(maxsize=8)
 def _alone(face: BoundedFace) -> Reflector:
-    """A face that nothing stands before, with the sheet and the pieces that it makes once."""
+    """A face that nothing stands before, with the sheet and the pieces that it is searched in, made once."""
     return Reflector(face)
 
 
