@@ -5,6 +5,7 @@ The right values are those of an independent program with exact rays; extremes b
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -139,7 +140,7 @@ def write_faces(path: Path, cuts: tuple[float, ...]) -> None:
     sheet = to_geom_surface(designed("european-aspheric").surface)
     ends = (-115.0, *cuts, 115.0)
     sewing = BRepBuilderAPI_Sewing(1e-5)
-    for left, right in zip(ends[:-1], ends[1:], strict=True):
+    for left, right in itertools.pairwise(ends):
         sewing.Add(BRepBuilderAPI_MakeFace(sheet, left, right, -120.0, 120.0, 1e-7).Face())
     sewing.Perform()
     writer = STEPControl_Writer()
