@@ -63,6 +63,11 @@ class Reflector:
         """Facets, with their own normals or with those interpolated between their vertices."""
         return Reflector(MeshSurface(mesh, normals))
 
+    @property
+    def mesh(self) -> SurfaceMesh | None:
+        """The facets of what was read from a mesh, for scripts; None where surfaces reflect."""
+        return self.surface.facets
+
     @cached_property
     def untrimmed(self) -> Reflector:
         """The sheet that a single face was cut from, with the whole front where there is glass, and nothing in the way; of

@@ -9,6 +9,7 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.rim import Curve
@@ -197,8 +198,13 @@ class OpticalSurface(ABC):
     # --- what it costs ------------------------------------------------------------------------------------------------
 
     @property
+    def facets(self) -> SurfaceMesh | None:
+        """The facets that it is made of, for a script to look at: None for all but a mesh."""
+        return None
+
+    @property
     def triangle_count(self) -> int:
-        """Facets that it is made of: 0 for all but a mesh."""
+        """How many facets it is made of: 0 for all but a mesh."""
         return 0
 
     def prepared(self) -> Self:

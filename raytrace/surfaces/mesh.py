@@ -76,6 +76,10 @@ class MeshSurface(OpticalSurface):
         return self.normals
 
     @property
+    def facets(self) -> SurfaceMesh:
+        return self.mesh
+
+    @property
     def triangle_count(self) -> int:
         return len(self.mesh.faces)
 
