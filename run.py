@@ -87,7 +87,8 @@ def _test(arguments: list[str]) -> int:
     codes = [_call(tests, cwd=HOME, env={"OPENBLAS_NUM_THREADS": "1"} | os.environ)]
     for step, process in zip(beside, running, strict=True):
         said, _ = process.communicate()
-        print(f"→ {' '.join(str(part) for part in step[2:])}\n{said.decode(errors='replace')}", file=sys.stderr, end="", flush=True)
+        named = " ".join(str(part) for part in step[2:])
+        print(f"→ {named}\n{said.decode(errors='replace')}", file=sys.stderr, end="", flush=True)
         codes.append(process.returncode)
     return next((code for code in codes if code), 0)
 
