@@ -22,6 +22,8 @@ from pathlib import Path
 HOME = Path(__file__).resolve().parent
 VENV = HOME / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+# Two, as the machines of CI have cores; files go to the workers whole, but for those that share a server (tests/conftest.py).
+WORKERS = ("-n", "2", "--dist", "loadgroup")
 PYTHONS = ((3, 11), (3, 12), (3, 13), (3, 14))
 # What the CAD kernel and numba load from the system, and the Debian package that has it.
 SYSTEM_LIBRARIES = {"GL": "libgl1", "X11": "libx11-6", "expat": "libexpat1", "gomp": "libgomp1"}
@@ -75,19 +77,25 @@ def _set_up(lock: str) -> bool:
 
 
 def _test(arguments: list[str]) -> int:
-    """Lint, types and tests; every part runs, and the code is that of the first that failed."""
-    tests = [PYTHON, "-m", "pytest", *([] if "--long" in arguments else ["-m", "not long"]),
+    """Lint, types and tests, side by side; every part runs, and the code is that of the first that failed."""
+    tests = [PYTHON, "-m", "pytest", *WORKERS, *([] if "--long" in arguments else ["-m", "not long"]),
              *(a for a in arguments if a != "--long")]
-    codes = []
-    for step in ([PYTHON, "-m", "ruff", "check", "."], [PYTHON, "-m", "mypy"], tests):
-        print(f"→ {' '.join(str(part) for part in step[2:])}", file=sys.stderr, flush=True)
-        codes.append(subprocess.call(step, cwd=HOME))
+    beside = [[PYTHON, "-m", "ruff", "check", "."], [PYTHON, "-m", "mypy"]]
+    print(f"→ {' '.join(str(part) for part in tests[2:])}, beside ruff and mypy", file=sys.stderr, flush=True)
+    running = [subprocess.Popen(step, cwd=HOME, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) for step in beside]
+    # One thread of linear algebra a worker: two workers with two each wait for one another.
+    codes = [_call(tests, cwd=HOME, env={"OPENBLAS_NUM_THREADS": "1"} | os.environ)]
+    for step, process in zip(beside, running, strict=True):
+        said, _ = process.communicate()
+        named = " ".join(str(part) for part in step[2:])
+        print(f"→ {named}\n{said.decode(errors='replace')}", file=sys.stderr, end="", flush=True)
+        codes.append(process.returncode)
     return next((code for code in codes if code), 0)
 
 
-def _call(command: list[str | Path]) -> int:
+def _call(command: list[str | Path], **options: object) -> int:
     """Run a program to its end; an interrupt from the keyboard is the program's own affair."""
-    with subprocess.Popen(command) as child:
+    with subprocess.Popen(command, **options) as child:
         while True:
             try:
                 return child.wait()

@@ -1,14 +1,21 @@
-"""What several tests share: designed presets, made once."""
+"""What several tests share: designed presets, a studio and a browser, made once; and how files are dealt to workers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import fcntl
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 
 import mirror_cad
 import raytrace
@@ -21,6 +28,45 @@ settings.register_profile("shared", deadline=None, print_blob=True)
 settings.load_profile("shared")
 
 PAPER_MIRRORS = ("sphere-1250", "sphere-1050", "sphere-950", "progressive-a", "progressive-b", "progressive-c")
+
+# Files that take long, longest first: what is begun last is short, so that the workers end together.
+LONGEST = ()
+# Files whose fixtures are one thing for all: a group runs on one worker.
+GROUPS = {"test_studio_browser": "studio", "test_studio_road": "studio", "test_studio_wire": "studio"}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give each test to the group of its file, long files first (`--dist loadgroup`)."""
+    rank = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(GROUPS.get(item.path.stem, item.path.stem)))
+
+
+@contextlib.contextmanager
+def _locked(name: str) -> Iterator[None]:
+    """Hold a lock among processes; the system frees it where one dies."""
+    key = hashlib.sha256(f"{os.getuid()} {name}".encode()).hexdigest()[:24]
+    with (Path(tempfile.gettempdir()) / f"mirror-cad-tests-{key}.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let one worker compile a kernel while the others wait for it, and load it from numba's cache then."""
+    if not hasattr(config, "workerinput"):
+        return
+    compile_here = Dispatcher.compile
+
+    def compile_once(self: Dispatcher, signature: Any) -> Any:
+        function = self.py_func
+        # numba's own lock first: with it a thread may compile the functions that this one calls.
+        with global_compiler_lock, _locked(f"{function.__code__.co_filename} {function.__qualname__}"):
+            return compile_here(self, signature)
+
+    Dispatcher.compile = compile_once
 
 
 @cache

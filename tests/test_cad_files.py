@@ -14,8 +14,9 @@ import pytest
 import raytrace
 from mirror_cad.cad_file import read_cad
 from mirror_cad.errors import FileError, MirrorError
-from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.part21_check import faults_of
+from raytrace.surfaces.mesh import MeshSurface
+from raytrace.surfaces.quadric import QuadricFace
 from tests.conftest import designed
 from tests.mutated import SORTS, mutated
 
@@ -182,11 +183,11 @@ def assembly(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_parts_name_chooses_its_faces(assembly: Path) -> None:
     reflector = raytrace.load_reflector(assembly, "mirror")
-    assert len(reflector.surfaces) == 1
+    assert len(reflector.surface.bounding_faces) == 1
     x, y = 60.0, -40.0
     assert hits(reflector, x, y).points[0, 2] == pytest.approx(np.sqrt(1250.0**2 - x**2 - y**2) - 1250.0, abs=1e-9)
-    assert len(raytrace.load_reflector(assembly, "holder").surfaces) == 6
-    assert len(raytrace.load_reflector(assembly, "assembly").surfaces) == 7
+    assert len(raytrace.load_reflector(assembly, "holder").surface.bounding_faces) == 6
+    assert len(raytrace.load_reflector(assembly, "assembly").surface.bounding_faces) == 7
 
 
 def test_what_there_is_to_choose_from_is_said(assembly: Path) -> None:
@@ -282,7 +283,8 @@ def test_files_beside_an_assembly_are_followed(tmp_path: Path) -> None:
 def test_an_offset_cylinder_is_a_cylinder() -> None:
     """5 mm off one of R = 1250 mm about z through x = y = 0, from −0.1 to 0.1 rad: the kernel's conversion fails there."""
     reflector = raytrace.load_reflector(FILES / "offset-cylinder.step")
-    quadric = reflector.quadrics[0].quadric
+    assert isinstance(reflector.surface, QuadricFace)
+    quadric = reflector.surface.quadric
     assert (quadric.kind, quadric.radius_mm) == ("cylinder", pytest.approx(1255.0, abs=1e-9))
     angle = np.linspace(-0.099, 0.099, 50)
     origins = np.column_stack([2000.0 * np.cos(angle), 2000.0 * np.sin(angle), np.full(50, 20.0)])
@@ -367,8 +369,8 @@ def test_triangles_of_ap242_are_a_mesh() -> None:
     assert [face.surface for face in file.faces] == ["triangles"] * 6
     assert sorted(face.area_mm2 or 0.0 for face in file.faces) == pytest.approx([800.0, 800.0, 1000.0, 1000.0, 8000.0, 8000.0])
     reflector = raytrace.load_reflector(FILES / "tessellated-plate.step")
-    assert isinstance(reflector.mesh, SurfaceMesh)
-    low, high = reflector.mesh.vertices.min(axis=0), reflector.mesh.vertices.max(axis=0)
+    assert isinstance(reflector.surface, MeshSurface)
+    low, high = reflector.surface.mesh.vertices.min(axis=0), reflector.surface.mesh.vertices.max(axis=0)
     assert sorted(high - low) == pytest.approx([10.0, 80.0, 100.0])
     x, y = 0.5 * (low + high)[:2] + [3.0, 4.0]
     assert hits(reflector, x, y).points[0] == pytest.approx([x, y, high[2]], abs=1e-9)

@@ -26,6 +26,7 @@ from raytrace.errors import SceneError
 from raytrace.pictures import decoded
 from raytrace.scene.bodies import read_body
 from raytrace.scene.reference import load_picture
+from raytrace.surfaces.mesh import MeshSurface
 from tests.meshes import cap
 from tests.test_bodies import Glb, png
 from tests.test_mesh_reflectors import ascii_ply, binary_ply, obj, off, write_3mf
@@ -181,8 +182,12 @@ def finite(*arrays: np.ndarray) -> None:
 
 
 def as_reflector(path: Path) -> None:
-    mesh = read_stl(path) if path.suffix == ".stl" else load_reflector(path, normals="interpolated").mesh
-    assert mesh is not None
+    if path.suffix == ".stl":
+        mesh = read_stl(path)
+    else:
+        surface = load_reflector(path, normals="interpolated").surface
+        assert isinstance(surface, MeshSurface)
+        mesh = surface.mesh
     finite(mesh.vertices, mesh.facet_normals())
     assert mesh.faces.min() >= 0
     assert mesh.faces.max() < len(mesh.vertices)

@@ -236,7 +236,7 @@ def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressi
     mirror, _ = progressive
     setting = ViewingSetup.of(mirror.spec, mirror.box)
     straightness = lane_straightness_percent(face_of(mirror), setting.eye, setting.lane, mirror.box)
-    image = lane_image(mirror.surface, setting.eye, setting.lane, mirror.box, straightness)
+    image = lane_image(face_of(mirror), setting.eye, setting.lane, mirror.box, straightness)
     assert image is not None
     above = setting.lane.above(*face_of(mirror).reflected_at(setting.eye, image.x, image.y))
     assert np.abs(above).max() < 1e-6  # mm on the plane 8.2 m behind, from roots to 1e-11 mm on the mirror
@@ -246,12 +246,12 @@ def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressi
     steps = image.y[:3] - image.tangent[:3]
     assert steps[0] == 0.0
     assert steps[2] / steps[1] == pytest.approx(4.0, abs=0.6)
-    assert lane_image(mirror.surface, setting.eye, setting.lane, mirror.box, None) is None
+    assert lane_image(face_of(mirror), setting.eye, setting.lane, mirror.box, None) is None
 
     frame = Frame.around(mirror.box, 400)
     plain = io.BytesIO()
     Image.new("RGB", (frame.columns, frame.rows), (128, 128, 128)).save(plain, "PNG")
-    marked = np.asarray(Image.open(io.BytesIO(marked_view(plain.getvalue(), frame, image, mirror.surface, setting.eye))))
+    marked = np.asarray(Image.open(io.BytesIO(marked_view(plain.getvalue(), frame, image, face_of(mirror), setting.eye))))
     for colour in (CURVE, TANGENT):
         assert (np.abs(marked.astype(int) - np.array(colour)).sum(axis=2) < 90).sum() > 100
     # In the frame the picture plane is z = 0: a point of the mirror is seen there along its ray.

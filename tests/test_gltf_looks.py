@@ -15,6 +15,7 @@ from raytrace.scene.bodies import Body, body_of, read_body
 from raytrace.scene.daylight import Daylight
 from raytrace.scene.lit_world import LitWorld
 from raytrace.scene.materials import Material
+from raytrace.surfaces.mesh import MeshSurface
 from tests.test_bodies import Glb, png
 
 PLATE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]])  # m, y up, seen from +z
@@ -228,7 +229,7 @@ def test_webp_textures_are_read_and_a_bare_mesh_needs_no_looks(tmp_path: Path) -
     assert (body.materials[0].texture == (200, 10, 10)).all()
     file.tree["extensionsRequired"] = ["KHR_materials_unheard_of", "KHR_texture_basisu"]
     stream.unlink()
-    assert load_reflector(file.write(tmp_path / "a.glb")).mesh is not None
+    assert isinstance(load_reflector(file.write(tmp_path / "a.glb")).surface, MeshSurface)
 
 
 @pytest.mark.parametrize(("generator", "units", "size_mm"), [
@@ -241,9 +242,9 @@ def test_gltf_is_in_metres_whatever_extras_say_but_for_trimesh_s_own(tmp_path: P
     file = Glb().mesh(PLATE, PLATE_FACES, extras=None if units is None else {"units": units})
     if generator is not None:
         file.tree["asset"]["generator"] = generator
-    mesh = load_reflector(file.write(tmp_path / "plate.glb")).mesh
-    assert mesh is not None
-    assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(size_mm)
+    surface = load_reflector(file.write(tmp_path / "plate.glb")).surface
+    assert isinstance(surface, MeshSurface)
+    assert np.ptp(surface.mesh.vertices, axis=0).max() == pytest.approx(size_mm)
     file.tree["nodes"] = [{"mesh": 0, "scale": [100.0, 100.0, 100.0]}]
     body = read_body(file.write(tmp_path / "plate.glb"))
     assert np.ptp(body.vertices, axis=0).max() == pytest.approx(100.0 * size_mm)
@@ -257,9 +258,9 @@ def test_a_file_of_trimesh_itself_keeps_its_size(tmp_path: Path) -> None:
     for units, size in (("mm", 230.0), (None, 230000.0)):
         box.units = units
         box.export(tmp_path / "box.glb")
-        mesh = load_reflector(tmp_path / "box.glb").mesh
-        assert mesh is not None
-        assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(size)
+        surface = load_reflector(tmp_path / "box.glb").surface
+        assert isinstance(surface, MeshSurface)
+        assert np.ptp(surface.mesh.vertices, axis=0).max() == pytest.approx(size)
     box.units = "parsec"
     box.export(tmp_path / "box.glb")
     with pytest.raises(FileError, match="its unit 'parsec' is none of micron"):

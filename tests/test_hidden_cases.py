@@ -23,12 +23,13 @@ from raytrace.measures.blind_zone import NearLane
 from raytrace.measures.disparity import _of_directions, disparity
 from raytrace.measures.eye_fields import extent, eye_fields
 from raytrace.measures.ground import seen_widths
-from raytrace.measures.lane import StraightLane, lane_straightness
+from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.line_bow import line_bow
-from raytrace.measures.magnification import magnification_extremes, places_over, ray_differentials
+from raytrace.measures.magnification import magnification_extremes, ray_differentials
 from raytrace.measures.road_straightness import road_straightness
 from raytrace.measures.yaw_coverage import yaw_coverage
 from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
 from raytrace.visibility.line_image import line_images, road_line, why_unmeasured
 from tests.conftest import designed
 
@@ -73,7 +74,7 @@ def test_no_place_of_the_mirror_has_a_larger_or_smaller_value_and_one_has_the_va
     views = on_motorway(name).views
     rng = np.random.default_rng(3)
     x_min, x_max, y_min, y_max = views.middle.box
-    places = places_over(views.middle, rng.uniform(x_min, x_max, 40_000), rng.uniform(y_min, y_max, 40_000))
+    places = views.middle.places_over(rng.uniform(x_min, x_max, 40_000), rng.uniform(y_min, y_max, 40_000))
     places = places[views.middle.trace_places(places).seen]
     found, all_over = magnification_extremes(views.middle), ray_differentials(views.middle, places).at()
     for kind in ("horizontal", "vertical", "ratio"):
@@ -81,12 +82,12 @@ def test_no_place_of_the_mirror_has_a_larger_or_smaller_value_and_one_has_the_va
         assert extent_.least * (1.0 - 1e-6) <= values.min() < extent_.least * 1.003  # some 1.4 mm between samples
         assert values.max() * (1.0 - 1e-6) <= extent_.largest < values.max() * 1.003
         for value, at in ((extent_.least, extent_.least_at_mm), (extent_.largest, extent_.largest_at_mm)):
-            there = places_over(views.middle, *np.array(at)[:, None])
+            there = views.middle.places_over(*np.array(at)[:, None])
             assert getattr(ray_differentials(views.middle.untrimmed, there).at(), kind)[0] == pytest.approx(value, rel=1e-9)
     said = disparity(views)
     assert said.max_percent is not None
     assert said.max_at_mm is not None
-    near = places_over(views.middle, *(np.array(said.max_at_mm)[:, None] + rng.uniform(-1.0, 1.0, (2, 10_000))))
+    near = views.middle.places_over(*(np.array(said.max_at_mm)[:, None] + rng.uniform(-1.0, 1.0, (2, 10_000))))
     for where, share in ((places, 0.99), (near[views.middle.trace_places(near).seen], 0.999)):
         directions = views.middle.trace_places(where).directions
         (percent,), left, right = _of_directions(views, directions, "horizontal", np.empty((0, len(where), 3)))
@@ -159,9 +160,8 @@ def figures_of(path: Path) -> list[float]:
     bow, straight = line_bow(views.middle, line, own), road_straightness(views.middle, line, own)
     assert bow is not None
     assert straight is not None
-    assert mirror.reflector.only is not None
     lane = StraightLane(0.0, 2400.0, 0.6, 8962.0)
-    paper = lane_straightness(mirror.reflector.only.surface, np.array([115.0, 0.0, 762.0]), lane, views.middle.box)
+    paper = lane_straightness_percent(mirror.reflector.surface, np.array([115.0, 0.0, 762.0]), lane, views.middle.box)
     assert paper is not None
     found = magnification_extremes(views.middle).horizontal
     assert found is not None
@@ -173,7 +173,7 @@ def figures_of(path: Path) -> list[float]:
 def test_a_mirror_in_several_faces_has_the_figures_that_it_has_as_one(tmp_path: Path, cuts: tuple[float, ...]) -> None:
     write_faces(tmp_path / "one.step", ())
     write_faces(tmp_path / "more.step", cuts)
-    assert len(load_reflector(tmp_path / "more.step").surfaces) == 1
+    assert len(load_reflector(tmp_path / "more.step").surface.bounding_faces) == 1
     assert figures_of(tmp_path / "more.step") == pytest.approx(figures_of(tmp_path / "one.step"), rel=1e-8)
 
 
@@ -181,7 +181,8 @@ def test_faces_that_do_not_meet_stay_two(tmp_path: Path) -> None:
     from raytrace.surfaces.seams import without_seams
 
     write_faces(tmp_path / "one.step", ())
-    face = load_reflector(tmp_path / "one.step").surfaces[0]
+    face = load_reflector(tmp_path / "one.step").surface
+    assert isinstance(face, BSplineFace)
     apart = [replace(face, loops=(0.4 * face.loops[0] + [shift, 0.0],)) for shift in (-60.0, 60.0)]
     assert len(without_seams(list(apart))) == 2
     assert len(without_seams([face, face])) == 2  # one over the other has no seam

@@ -239,7 +239,7 @@ def test_a_mesh_of_a_sphere_comes_to_its_magnification_with_finer_facets() -> No
         assert np.isfinite(ratio).all()
         worst.append(float(np.abs(ratio - 1.0).max()))
         # A facet by itself is flat: those of the facets' own normals are the same.
-        facets = ray_differentials(View(replace(smooth, normals="facets"), POSE, EYE), places).at()
+        facets = ray_differentials(View(Reflector.of_mesh(SurfaceMesh(vertices, faces)), POSE, EYE), places).at()
         assert np.array_equal(facets.horizontal, found.horizontal)
     assert worst[0] < 1e-3
     assert worst[2] < 0.25 * worst[0]  # of first order in the facets' size: 0.15 measured

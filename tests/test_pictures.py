@@ -14,7 +14,7 @@ import mirror_cad
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace import Reflector
 from raytrace.errors import SceneError
-from raytrace.image import driver_view
+from raytrace.image import photograph
 from raytrace.pictures import PictureError, decoded, read_picture
 from raytrace.scene.reference import BESIDE, load_picture
 from raytrace.viewing.camera import Frame
@@ -191,6 +191,7 @@ def test_a_phone_s_picture_is_upright_in_the_mirror(tmp_path: Path) -> None:
     upright.save(tmp_path / "upright.png")
     mirror = mirror_cad.design(spec_of(constant(1250.0), constant(1250.0)))
     setting = ViewingSetup.of(mirror.spec, mirror.box)
-    views = [driver_view(Reflector.from_mirror(mirror), setting.eye, setting.scene(load_picture(tmp_path / name), mirror.spec),
-                         Frame.around(mirror.box, 120), samples=1)[0] for name in ("phone.png", "upright.png")]
+    camera = Frame.around(mirror.box, 120).camera(setting.eye)
+    views = [photograph(Reflector.from_mirror(mirror), camera, setting.scene(load_picture(tmp_path / name), mirror.spec),
+                        samples=1)[0] for name in ("phone.png", "upright.png")]
     assert np.array_equal(*views)

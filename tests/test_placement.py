@@ -33,6 +33,7 @@ from mirror_studio.scene_file import load_scene
 from raytrace import Placement, Reflector, load_reflector, reflect
 from raytrace.errors import TraceError
 from raytrace.seating import find_placement, place_from, seated
+from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.view import box_of
 from tests.conftest import designed
 from tests.meshes import grid
@@ -168,7 +169,9 @@ def test_a_face_in_mirror_coordinates_stays_to_the_last_bit(tmp_path: Path) -> N
     assert placed.placement is not None
     assert placed.placement.as_json() == {"origin_mm": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0], "up": [0.0, 1.0, 0.0],
                                           "from": "face"}
-    assert np.array_equal(as_filed.quadrics[0].quadric.centre, placed.quadrics[0].quadric.centre)
+    assert isinstance(as_filed.surface, QuadricFace)
+    assert isinstance(placed.surface, QuadricFace)
+    assert np.array_equal(as_filed.surface.quadric.centre, placed.surface.quadric.centre)
 
 
 @pytest.mark.parametrize(("kind", "roll_kept"), [("square", True), ("trapezoid", True), ("irregular", False), ("round", False)])

@@ -15,6 +15,7 @@ from raytrace.embree import TriangleScene
 from raytrace.mesh_files import read_mesh
 from raytrace.polygons import triangulated
 from raytrace.scene.bodies import read_body
+from raytrace.surfaces.mesh import MeshSurface
 
 L_SHAPE = np.array([[3.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
 NEAR = 1e-4  # of the polygon's size: rays nearer to its outline may fall on either side, Embree's triangles overlap a little
@@ -147,8 +148,8 @@ def test_an_l_is_the_same_wall_from_every_first_corner(tmp_path: Path, kind: str
     path = tmp_path / f"wall{kind}"
     path.write_bytes(WRITERS[kind](np.roll(L_SHAPE, first, axis=0)))
     reflector = raytrace.load_reflector(path)
-    assert reflector.mesh is not None
-    assert area(reflector.mesh) == pytest.approx(5.0, rel=1e-15)
+    assert isinstance(reflector.surface, MeshSurface)
+    assert area(reflector.surface.mesh) == pytest.approx(5.0, rel=1e-15)
     assert raytrace.reflect(reflector, [2.0, 2.0, 9.0], [[0.0, 0.0, -1.0]]).counts() == {"missed": 1}
     body = read_body(path, unit="m")
     assert area(SurfaceMesh(body.vertices, body.faces)) == pytest.approx(5e6, rel=1e-12)

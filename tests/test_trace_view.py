@@ -17,7 +17,7 @@ from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.reflector import Reflector
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.view import box_of
-from tests.conftest import constant, spec_of
+from tests.conftest import constant, face_of, spec_of
 
 BOX = (-115.0, 115.0, -163.45, 163.45)
 EYE = eye_position(762.0, "right", BOX)
@@ -43,7 +43,7 @@ def test_a_file_of_a_preset_has_the_field_of_view_that_its_own_build_measured(tm
     box = box_of(reflector)
     eye = ViewingSetup.of(spec, box).eye
     traced = h_fov_between_edges(reflector, eye, box)
-    built, _ = traced_fields_of_view(mirror.surface, ViewingSetup.of(spec, mirror.box).eye, mirror.box, mirror.left_height_mm)
+    built, _ = traced_fields_of_view(face_of(mirror), ViewingSetup.of(spec, mirror.box).eye, mirror.box, mirror.left_height_mm)
     assert traced == pytest.approx(built, rel=1e-11)
     assert traced == pytest.approx(between((-115.0, 115.0), eye), rel=1e-9)  # 44.6435°, where a row of pixels said 44.6391°
 
