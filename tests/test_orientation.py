@@ -26,6 +26,7 @@ from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import _shows, edge_of
+from raytrace.visibility.image_points import image_points
 from raytrace.visibility.orientation import _eigenvalues, orientation
 from raytrace.visibility.plan import shown
 from tests.test_drive import ROAD, box_glb
@@ -108,7 +109,7 @@ def test_an_inverted_picture_is_measured_exactly() -> None:
         (low, high), = seen_at
         angles = np.radians(np.array([low - 1e-7, low + 1e-7, 0.5 * (low + high), high - 1e-7, high + 1e-7]))
         ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(5)], axis=1)
-        assert view.find(ways, at_infinity=True)[1].tolist() == [False, True, True, True, False]
+        assert image_points(view, ways, at_infinity=True)[1].tolist() == [False, True, True, True, False]
 
 
 @pytest.fixture(scope="module")
