@@ -203,6 +203,11 @@ class BSplineFace(BoundedFace):
         return reflected_from_graph(eye, x, y, *self.surface.heights(x, y))  # u = x, v = y: height and slopes say it all
 
     def curvature_tensors(self, points: Array, normals: Array) -> Array:
+        field = self.height_field
+        if field is not None:
+            found = np.empty((len(points), 3, 3))
+            newton.height_field_tensors(field.powers, *field.arguments, points, normals, found)
+            return found
         u, v = points[:, :2].T if self.is_graph else self.parameters_of(points).T
         u_min, u_max, v_min, v_max = self.surface.domain
         known = np.isfinite(u) & np.isfinite(v)

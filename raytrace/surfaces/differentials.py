@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import image_points as kernel
+
 Array = NDArray[np.float64]
 Reflect = Callable[[Array], tuple[Array, Array]]
 
@@ -63,17 +65,9 @@ def reflected_differentials(eye: Array, rays: Array, turns: Array, points: Array
     ----------
     H. Igehy, Tracing ray differentials (1999), sections 3.1 and 3.2.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        normals = directions - rays
-        normals /= np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
-        along = np.einsum("ij,ij->i", rays, normals)
-        away = points - eye
-        path = np.sqrt(np.einsum("ij,ij->i", away, away))
-        leaning = np.einsum("nki,ni->nk", turns, normals)
-        by_points = path[:, None, None] * (turns - rays[:, None] * (leaning / along[:, None])[:, :, None])
-        by_normals = np.einsum("nij,nkj->nki", tensors(points, normals), by_points)
-        twice = 2.0 * (leaning + np.einsum("nki,ni->nk", by_normals, rays))
-        by_directions = turns - twice[:, :, None] * normals[:, None] - 2.0 * along[:, None, None] * by_normals
+    normals, by_points, by_directions = np.empty_like(rays), np.empty_like(turns), np.empty_like(turns)
+    kernel.normals_between(rays, directions, normals)
+    kernel.reflected_differentials(eye, rays, turns, points, normals, tensors(points, normals), by_points, by_directions)
     return by_points, by_directions
 
 

@@ -7,10 +7,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import image_points as kernel
+from raytrace.parallel import parallel_for
+from raytrace.trace import reflect
 from raytrace.viewing.view import TracedRays, View
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 # An image point is found when its reflected ray passes the target by less: far above rounding, and 2e-5″. Newton goes on to
@@ -22,7 +24,6 @@ SMALLEST_STEP = 1e-12  # of the mirror's width
 LONGEST_STEP = 0.25  # of the mirror's width
 START_GRID = 33  # rays a direction
 BEYOND = 0.1  # of the box, on every side: what Newton may start from beside the mirror
-STARTS_AT_ONCE = 4_000  # targets: 35 MB of distances to all starts
 # Of what is followed from near by: rays that facets turn in steps of as much are the nearest that there are.
 FOLLOWED_BY = 0.02
 MAX_FOLLOWING_STEPS = 12
@@ -83,76 +84,39 @@ def follow_image_points(view: View, starts: Array, targets: Array, at_infinity: 
     return at, leaving
 
 
-def _solve(view: View, starts: Array, wanted: Array, at_infinity: bool, max_steps: int) -> tuple[Array, Array, Array]:
+def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_steps: int) -> tuple[Array, Array, Array]:
     """The best points (n, 2) that Newton reaches, where their rays leave (n, 3), and by what angles they pass (n,)."""
-    n, size = len(starts), view.box[1] - view.box[0]
-    best, kept, leaving = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan)
-    at, step = starts.copy(), np.zeros((n, 2))
-    going = np.flatnonzero(np.isfinite(starts).all(axis=1))
+    n, size, eye, reflector = len(starts), view.box[1] - view.box[0], view.eye_in_mirror, view.reflector
+    wanted = np.ascontiguousarray(view.pose.directions_to_mirror(targets) if at_infinity else view.pose.to_mirror(targets))
+    best, kept, leaving, step = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan), np.zeros((n, 2))
+    going, at = np.arange(n), starts  # of the rays that are still going: their targets, and where they are
     for _ in range(max_steps):
-        if going.size == 0:
+        m = len(going)
+        if m == 0:
             break
-        traced = view.trace_places(at[going])
-        missed, axes, towards, apart = _misses(view, traced, wanted[going], at_infinity)
+        rays, turns, missed = np.empty((m, 3)), np.empty((m, 2, 3)), np.empty((m, 2))
+        axes, reach = np.empty((m, 2, 3)), np.empty(m)
+        kernel.rays_through(eye, at, rays, turns)
+        trace = reflect(reflector, eye, rays)
+        kernel.misses(eye, wanted[going], at_infinity, trace.points, trace.directions, missed, axes, reach)
         now = np.sqrt(np.einsum("ij,ij->i", missed, missed))
-        better = now < best[going]  # not where it is NaN
+        before = best[going]
+        better = now < before  # not where it is NaN
         ahead = going[better]
-        best[ahead], kept[ahead], leaving[ahead] = now[better], at[ahead], traced.points[better]
-        settled = (best[going] <= SETTLED) | (~better & (best[going] <= PASSES_BY))
-        moved = np.flatnonzero(better & ~settled)
-        step[going] *= 0.5  # not better: half the step before, from the best
-        step[going[moved]] = _newton_steps(view, at[going[moved]], traced, moved, missed, axes, towards, apart, size,
-                                           step[going[moved]])
-        at[going] = kept[going] + step[going]
-        going = going[~settled & (np.abs(step[going]).max(axis=1) > SMALLEST_STEP * size)]
-    return kept, leaving, best
-
-
-def _newton_steps(view: View, at: Array, traced: TracedRays, these: Index, missed: Array, axes: Array, towards: Array,
-                  apart: Array, size: float, otherwise: Array) -> Array:
-    """Steps (m, 2) on the picture plane for some of the rays traced; `otherwise` (m, 2) where the derivatives fail.
-
-    With the ray's direction d, P where it leaves and τ = (T − P)/|T − P|, the misses s·d along the axes s across τ change by
-    s·(∂d + (d·τ)·∂P/|T − P|).
-    """
-    pose, eye = view.pose, view.eye_in_mirror
-    rays = np.concatenate([at, np.zeros((len(at), 1))], axis=1) - eye
-    length = np.sqrt(np.einsum("ij,ij->i", rays, rays))[:, None]
-    rays /= length
-    turns = (np.eye(3)[:2] - rays[:, None] * rays[:, :2, None]) / length[:, None]
-    by_points, by_directions = view.reflector.surface.ray_differentials(
-        eye, rays, turns, traced.on_mirror[these], pose.directions_to_mirror(traced.directions[these]))
-    along = np.einsum("ij,ij->i", traced.directions[these], towards[these])
-    change = by_directions + (along / apart[these])[:, None, None] * by_points
-    slopes = np.einsum("nai,nki->nak", pose.directions_to_mirror(axes[these]), change)
-    miss = missed[these]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        determinant = slopes[:, 0, 0] * slopes[:, 1, 1] - slopes[:, 0, 1] * slopes[:, 1, 0]
-        step = -np.stack([slopes[:, 1, 1] * miss[:, 0] - slopes[:, 0, 1] * miss[:, 1],
-                          slopes[:, 0, 0] * miss[:, 1] - slopes[:, 1, 0] * miss[:, 0]], axis=1) / determinant[:, None]
-        step *= np.minimum(1.0, LONGEST_STEP * size / np.sqrt(np.einsum("ij,ij->i", step, step)))[:, None]
-    return np.where(np.isfinite(step).all(axis=1)[:, None], step, otherwise)
-
-
-def _misses(view: View, traced: TracedRays, wanted: Array, at_infinity: bool) -> tuple[Array, Array, Array, Array]:
-    """By what angles rays pass their targets (n, 2), NaN where they are not reflected or leave it behind; the axes (n, 2, 3)
-    that they are measured along, unit directions (n, 3) towards the targets, and the distance there (n,), mm."""
-    apart = np.full(len(wanted), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if at_infinity:
-            towards = wanted
-        else:
-            towards = wanted - traced.points
-            apart = np.sqrt(np.einsum("ij,ij->i", towards, towards))
-            towards = towards / apart[:, None]
-        # Two directions across the target's, from an axis that is the same for all rays to one target.
-        far = wanted if at_infinity else wanted - view.eye
-        side = np.cross(towards, np.eye(3)[np.argmin(np.abs(far), axis=1)])
-        side /= np.sqrt(np.einsum("ij,ij->i", side, side))[:, None]
-        axes = np.stack([side, np.cross(towards, side)], axis=1)
-        missed = np.einsum("nai,ni->na", axes, traced.directions)
-        missed[~(np.einsum("ij,ij->i", traced.directions, towards) > 0.0)] = np.nan
-    return missed, axes, towards, apart
+        best[ahead], kept[ahead], leaving[ahead] = now[better], at[better], trace.points[better]
+        settled = np.where(better, now <= SETTLED, before <= PASSES_BY)
+        moves = 0.5 * step[going]  # not better: half the step before, from the best
+        moved = better & ~settled
+        if moved.any():
+            part = slice(None) if moved.all() else moved
+            along = moves[part]
+            kernel.newton_steps(missed[part], axes[part], reach[part], *reflector.surface.ray_differentials(
+                eye, rays[part], turns[part], trace.points[part], trace.directions[part]), LONGEST_STEP * size, along)
+            moves[part] = along
+        on = ~settled & (np.abs(moves).max(axis=1) > SMALLEST_STEP * size)
+        going, moves = going[on], moves[on]
+        step[going], at = moves, kept[going] + moves
+    return kept, view.pose.to_vehicle(leaving), best
 
 
 @lru_cache(maxsize=8)
@@ -168,22 +132,13 @@ def _start_rays(view: View) -> tuple[Array, TracedRays]:
     return starts[seen], TracedRays(traced.status[seen], traced.points[seen], traced.directions[seen], traced.on_mirror[seen])
 
 
-def _nearest(view: View, wanted: Array, at_infinity: bool) -> Array:
+def _nearest(view: View, targets: Array, at_infinity: bool) -> Array:
     """The points (n, 2) of the grid whose rays pass nearest to targets (n, 3), or leave most nearly along unit directions
     (n, 3); NaN where the mirror reflects nothing."""
-    found = np.full((len(wanted), 2), np.nan)
     starts, first = _start_rays(view)
-    for begin in range(0, len(wanted) if len(starts) else 0, STARTS_AT_ONCE):
-        part = wanted[begin:begin + STARTS_AT_ONCE]
-        # Not by BLAS: its threads would spin beside those that trace.
-        alike = np.einsum("ij,kj->ik", part, first.directions) if at_infinity else _alike(part, first)
-        found[begin:begin + STARTS_AT_ONCE] = starts[np.argmax(alike, axis=1)]
-    return found
-
-
-def _alike(points: Array, first: TracedRays) -> Array:
-    """Cosines (n, m) between the rays that start and what each point is seen at from where they start."""
-    apart = points[:, None, :] - first.points[None, :, :]
-    length = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.nan_to_num(np.einsum("ijk,jk->ij", apart, first.directions) / length, nan=-1.0)
+    if len(starts) == 0:
+        return np.full((len(targets), 2), np.nan)
+    index = np.empty(len(targets), dtype=np.intp)
+    parallel_for(lambda i, j: kernel.nearest_rays(targets[i:j], at_infinity, first.points, first.directions, index[i:j]),
+                 len(targets))
+    return starts[index]
