@@ -195,7 +195,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
         for row, value in enumerate(values):
             points = on_ground(np.full(5, value), along) if axis == 0 else on_ground(along, np.full(5, value))
             seen = [bool(((low < at) & (at < high)).any()) for at in along for low, high in [spans.of(row).T]]
-            assert seen == edge.find(points)[1].tolist(), (axis, value)
+            assert seen == edge.image_points(points)[1].tolist(), (axis, value)
     # The horizon by rays forward: level ones of a fine grid, counted by whole degrees.
     (low, high), = eye_fields(EyeViews(view, view, view)).horizon.left
     assert high - low > 200.0

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def normals_between(rays, directions, normals):
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def normals_between(rays: Array, directions: Array, normals: Array) -> None:
     """Unit normals (n, 3) that turn rays (n, 3) into the reflected directions (n, 3)."""
     for n in range(rays.shape[0]):
         x, y, z = (directions[n, 0] - rays[n, 0], directions[n, 1] - rays[n, 1], directions[n, 2] - rays[n, 2])
@@ -18,8 +21,9 @@ def normals_between(rays, directions, normals):
         normals[n, 0], normals[n, 1], normals[n, 2] = x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def reflected_differentials(eye, rays, turns, points, normals, tensors, by_points, by_directions):
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def reflected_differentials(eye: Array, rays: Array, turns: Array, points: Array, normals: Array, tensors: Array,
+                            by_points: Array, by_directions: Array) -> None:
     """dP = t·(δ − ω·(n·δ)/(n·ω)) and dd = δ − 2(δ·n + ω·dn)·n − 2(ω·n)·dn, dn = N·dP, of turns δ (n, k, 3) of rays ω (n, 3)."""
     step, bent = np.empty(3), np.empty(3)
     for n in range(rays.shape[0]):
@@ -43,8 +47,8 @@ def reflected_differentials(eye, rays, turns, points, normals, tensors, by_point
                 by_directions[n, k, c] = turns[n, k, c] - 2.0 * twice * normals[n, c] - 2.0 * along * bent[c]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def rays_through(eye, at, rays, turns):
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def rays_through(eye: Array, at: Array, rays: Array, turns: Array) -> None:
     """Unit rays (n, 3) from the eye through points (n, 2) of the plane z = 0, and their derivatives by these, (n, 2, 3)."""
     for n in range(at.shape[0]):
         x, y, z = at[n, 0] - eye[0], at[n, 1] - eye[1], -eye[2]
@@ -55,8 +59,9 @@ def rays_through(eye, at, rays, turns):
         turns[n, 1, 0], turns[n, 1, 1], turns[n, 1, 2] = -x * y / length, (1.0 - y * y) / length, -y * z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def misses(eye, wanted, at_infinity, points, directions, missed, axes, reach):
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directions: Array, missed: Array, axes: Array,
+           reach: Array) -> None:
     """By what angles, about, rays pass their targets: missed (n, 2), NaN where they are not reflected or leave it behind.
 
     axes (n, 2, 3) : across τ = (T − P)/|T − P|, that misses are measured along.   reach (n,) : (d·τ)/|T − P|, 1/mm.
@@ -91,8 +96,9 @@ def misses(eye, wanted, at_infinity, points, directions, missed, axes, reach):
                                 + axes[n, k, 2] * directions[n, 2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def newton_steps(missed, axes, reach, by_points, by_directions, longest, steps):
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def newton_steps(missed: Array, axes: Array, reach: Array, by_points: Array, by_directions: Array, longest: float,
+                 steps: Array) -> None:
     """Steps (n, 2) of Newton, no longer than `longest`; where the derivatives fail, steps stay as they are.
 
     The misses s·d along the axes s change by s·(∂d + (d·τ)·∂P/|T − P|).
@@ -113,8 +119,8 @@ def newton_steps(missed, axes, reach, by_points, by_directions, longest, steps):
             steps[n, 0], steps[n, 1] = shorter * x, shorter * y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def nearest_rays(wanted, at_infinity, points, directions, nearest):
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def nearest_rays(wanted: Array, at_infinity: bool, points: Array, directions: Array, nearest: NDArray[np.intp]) -> None:
     """Which of m rays, from points (m, 3) in unit directions (m, 3), goes most nearly towards each target: nearest (n,)."""
     for n in range(wanted.shape[0]):
         best, nearest[n] = -np.inf, 0

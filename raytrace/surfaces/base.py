@@ -36,6 +36,26 @@ class RigidMotion(Protocol):
         """Points (…, 3), mm."""
 
 
+class GlassPlate(Protocol):
+    """Glass before a reflecting back, as its ghost and its light are reckoned from."""
+
+    @property
+    def index(self) -> float:
+        """Of the glass against air, 1 or more."""
+
+    def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Points (n, 3) of the front, mm, and its unit normals towards the air, at its parameters (n,)."""
+
+    def first_hits(self, rays: Rays, out: Trace) -> None:
+        """As `OpticalSurface.first_hits`, through the glass."""
+
+    def untrimmed(self) -> GlassPlate:
+        """The whole of both sheets."""
+
+    def uncoated(self) -> OpticalSurface:
+        """The back alone."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class AreaSamples:
     """Points (n, 3) on what reflects, and area times outward normal (n, 3) around each; owner (n,) : the face's number."""
@@ -109,6 +129,11 @@ class OpticalSurface(ABC):
     def refracts(self) -> bool:
         """Whether light goes through glass before it."""
         return False
+
+    @property
+    def glass(self) -> GlassPlate:
+        """The glass before it and its reflecting back. Raises: TraceError for what reflects from its front."""
+        raise TraceError("this mirror reflects from its front: it has no glass that light goes through")
 
     @property
     def resolution_mm(self) -> float:

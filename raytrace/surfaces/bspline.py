@@ -13,12 +13,13 @@ from scipy.spatial import cKDTree
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
 from raytrace.kernels import first_hit, newton
+from raytrace.kernels.first_hit import Pieces
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
 from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, with_trimming_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
-from raytrace.surfaces.pieces import Pieces, pieces_of
+from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.polynomials import HeightField, Patches, is_graph
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import Trimming

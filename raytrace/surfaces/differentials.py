@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raytrace.kernels import image_points as kernel
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Reflect = Callable[[Array], tuple[Array, Array]]
 
 CREASE = np.radians(60.0)  # between neighbouring reflected rays: normals 30° apart are those of two faces, as in mesh_normals
@@ -92,7 +93,7 @@ def traced_differentials(reflect: Reflect, rays: Array, turns: Array, points: Ar
         size = np.linalg.norm(turns, axis=2, keepdims=True)
         ways = turns / size
 
-    def beside(these: Array, at: Array) -> tuple[Array, Array]:
+    def beside(these: Index, at: Array) -> tuple[Array, Array]:
         angles = turn * at
         asked = (np.cos(angles)[:, None] * rays[these, None, None] + np.sin(angles)[:, None] * ways[these, :, None])
         ends, after = (one.reshape(asked.shape) for one in reflect(asked.reshape(-1, 3)))
