@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from raytrace import measures
+    from raytrace.driver_picture import DriverView, driver_view
     from raytrace.errors import SceneError, TraceError
     from raytrace.load import load_reflector
     from raytrace.measures.lane import Lane
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from raytrace.rays import Rays, Status, Trace
     from raytrace.reflector import Reflector
     from raytrace.trace import reflect
-    from raytrace.viewing.driver_view import DriverView, driver_view
     from raytrace.viewing.pose import Pose
     from raytrace.viewing.vehicle import Eyes, HostVehicle
     from raytrace.viewing.view import TracedRays, View
@@ -38,8 +38,8 @@ add_source(_all_measures)
 _HOME = {
     "SceneError": "errors", "TraceError": "errors", "load_reflector": "load", "Lane": "measures.lane",
     "Placement": "placement", "Rays": "rays",
-    "Status": "rays", "Trace": "rays", "Reflector": "reflector", "reflect": "trace", "DriverView": "viewing.driver_view",
-    "driver_view": "viewing.driver_view", "Pose": "viewing.pose", "Eyes": "viewing.vehicle", "HostVehicle": "viewing.vehicle",
+    "Status": "rays", "Trace": "rays", "Reflector": "reflector", "reflect": "trace", "DriverView": "driver_picture",
+    "driver_view": "driver_picture", "Pose": "viewing.pose", "Eyes": "viewing.vehicle", "HostVehicle": "viewing.vehicle",
     "TracedRays": "viewing.view", "View": "viewing.view", "measures": "measures",
 }
 __all__ = ["DriverView", "Eyes", "HostVehicle", "Lane", "Placement", "Pose", "Rays", "Reflector", "SceneError", "Status",

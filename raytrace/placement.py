@@ -1,16 +1,14 @@
-"""Where a mirror stands in its file in, the same reflector in mirror coordinates out: an exact rigid motion of its records."""
+"""Where a mirror stands in the coordinates of its file, and the rigid motion that takes these to mirror coordinates."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
-from raytrace.reflector import Reflector
 
 Array = NDArray[np.float64]
 Source = Literal["file", "face", "stated"]
@@ -91,17 +89,6 @@ class Placement:
         normal, up = (", ".join(f"{round(float(v), 6) + 0.0:g}" for v in vector) for vector in (self.normal, self.up))
         said = {"file": "the file is in mirror coordinates", "face": "found from the face", "stated": "as stated"}[self.source]
         return f"origin ({origin}) mm, normal ({normal}), up ({up}): {said}"
-
-
-def moved(reflector: Reflector, placement: Placement) -> Reflector:
-    """The reflector of a file in mirror coordinates: what reflects and what stands in the way, with the placement noted.
-    Parameters, loops and facets stay, so the motion is exact but for rounding."""
-    if placement.is_identity:
-        return replace(reflector, placement=placement)
-    obstacles = reflector.obstacles
-    if obstacles is not None:
-        obstacles = SurfaceMesh(placement.to_mirror(obstacles.vertices), obstacles.faces)
-    return Reflector(reflector.surface.moved(placement), obstacles, placement)
 
 
 def _unit(vector: Array) -> Array:

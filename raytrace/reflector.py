@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.embree import TriangleScene
-from raytrace.errors import TraceError
-from raytrace.surfaces.base import OpticalSurface
+from raytrace.surfaces.base import GlassPlate, OpticalSurface
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.faces import Face, FaceSet
 from raytrace.surfaces.mesh import MeshSurface, Normals
@@ -80,11 +79,25 @@ class Reflector:
         return replace(self, surface=self.surface.uncoated())
 
     @property
-    def plate(self) -> Plate:
+    def glass(self) -> GlassPlate:
         """The glass and its reflecting back. Raises: TraceError for what reflects from its front."""
-        if not isinstance(self.surface, Plate):
-            raise TraceError("this mirror reflects from its front: it has no glass that light goes through")
-        return self.surface
+        return self.surface.glass
+
+    def moved(self, placement: Placement) -> Reflector:
+        """Bring the reflector of a file to mirror coordinates, with what stands in the way, and note the placement.
+
+        Parameters, loops and facets stay, so the motion is exact but for rounding.
+
+        Parameters
+        ----------
+        placement : of the mirror in the coordinates of its file.
+        """
+        if placement.is_identity:
+            return replace(self, placement=placement)
+        obstacles = self.obstacles
+        if obstacles is not None:
+            obstacles = SurfaceMesh(placement.to_mirror(obstacles.vertices), obstacles.faces)
+        return Reflector(self.surface.moved(placement), obstacles, placement)
 
     @cached_property
     def interpolated(self) -> Reflector:

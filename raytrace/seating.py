@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from raytrace.errors import TraceError
-from raytrace.placement import Placement, moved
+from raytrace.placement import Placement
 from raytrace.reflector import Reflector
 from raytrace.surfaces.base import AreaSamples
 from raytrace.trace import reflect
@@ -70,12 +70,12 @@ def seated(reflector: Reflector, ours: bool, place: Place = "auto") -> Reflector
         For another `place`, or where a face's frame cannot be found.
     """
     if isinstance(place, Placement):
-        return moved(reflector, replace(place, source="stated"))
+        return reflector.moved(replace(place, source="stated"))
     if place not in ("auto", "face", "file"):
         raise TraceError(f"place = {place!r}: a Placement, \"auto\", \"face\" or \"file\" says where the mirror is")
     if place == "file" or (place == "auto" and ours):
-        return moved(reflector, Placement.identity("file"))
-    return moved(reflector, find_placement(reflector))
+        return reflector.moved(Placement.identity("file"))
+    return reflector.moved(find_placement(reflector))
 
 
 def place_from(text: str) -> Place:
@@ -206,7 +206,7 @@ class _Face:
         return _Face(lead, lead.untrimmed, points, size)
 
     def moved(self, placement: Placement) -> _Face:
-        return _Face(moved(self.lead, placement), moved(self.sheet, placement), placement.to_mirror(self.points), self.size)
+        return _Face(self.lead.moved(placement), self.sheet.moved(placement), placement.to_mirror(self.points), self.size)
 
     def met(self, above: Array, normal: Array) -> tuple[Array, Array] | None:
         """The point and the unit normal, towards `normal`, where the face is first met from above a point along −normal."""

@@ -12,11 +12,12 @@ from scipy.optimize import brentq
 import mirror_cad
 from raytrace.measures.angular_size import ARCMIN, AngularSize, Face, angular_sizes
 from raytrace.measures.grid_distortion import grid_distortion
-from raytrace.measures.magnification import ray_differentials
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
+from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 from tests.conftest import constant, spec_of
 from tests.test_both_eyes import LEVEL, RADIUS, UPRIGHT, LevelSphere
 from tests.test_magnification import EYE, POSE, flat_mesh, quadric, spline
@@ -76,7 +77,7 @@ def test_the_size_over_that_in_a_flat_mirror_is_the_magnification_at_that_distan
     view = View(spline("progressive-c"), POSE, EYE)
     small = Face(20.0, 1500.0, -3500.0)
     (size,) = angular_sizes(view, replace(small, height_mm=1500.0), (20_000.0,))
-    places, _ = view.find(np.array([[20_000.0, -3500.0, 750.0]]))
+    places, _ = image_points(view, np.array([[20_000.0, -3500.0, 750.0]]))
     start = view.trace_places(places).points[0]
     found = ray_differentials(view, places).at(float(np.linalg.norm([20_000.0, -3500.0, 750.0] - start)))
     assert size.mirror is not None

@@ -17,15 +17,16 @@ from raytrace.load import load_reflector
 from raytrace.measures.disparity import disparity
 from raytrace.measures.eye_fields import EyeField, extent, eye_fields
 from raytrace.measures.field_of_view import traced_fields_of_view
-from raytrace.measures.magnification import frame, ray_differentials
 from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.plate import Plate
 from raytrace.viewing.eye import eye_position
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
+from raytrace.viewing.ray_differentials import frame, ray_differentials
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import cap
 from tests.test_glass import sheets
@@ -143,7 +144,7 @@ def test_two_eyes_see_a_direction_at_places_as_far_apart_as_they_are_times_the_m
     views = EyeViews.of(spline("progressive-c"), POSE, Eyes(EYE, apart))
     places = np.array([[-70.0, 20.0], [-20.0, -60.0], [80.0, 90.0]])
     way = views.middle.trace_places(places).directions
-    left, right = (view.towards(view.find(way, at_infinity=True)[0]) for view in (views.left, views.right))
+    left, right = (view.towards(image_points(view, way, at_infinity=True)[0]) for view in (views.left, views.right))
     found = ray_differentials(views.middle, places)
     # The place moves by a·J⁻¹·S·b/a, a·S being the shift of the ray, and the eye itself by b: the direction, by 1/a of both.
     across = np.stack(frame(views.middle.towards(places)), axis=1)
@@ -211,7 +212,7 @@ def test_the_flank_ends_the_view_where_a_level_ray_passes_the_rear_edge() -> Non
         assert clear[0][0] == pytest.approx(bare[0][0], abs=1e-9)
         azimuth = np.radians(clear[0][1])
         way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        places, shown = view.find(way[None], at_infinity=True)
+        places, shown = image_points(view, way[None], at_infinity=True)
         assert shown[0]
         start = view.trace_places(places).points[0, :2]
         passes = way[0] * (edge - start)[1] - way[1] * (edge - start)[0]
@@ -234,7 +235,7 @@ def test_every_direction_of_a_field_is_shown_and_none_beside_it(hand: str) -> No
                                          (upright[0], level, np.array([0, 0, 1.0]))):
             angles = np.radians(np.concatenate([np.linspace(low + 1e-7, high - 1e-7, 41), [low - 1e-7, high + 1e-7]]))
             ways = np.cos(angles)[:, None] * base + np.sin(angles)[:, None] * other
-            assert view.find(ways, at_infinity=True)[1].tolist() == [True] * 41 + [False, False]
+            assert image_points(view, ways, at_infinity=True)[1].tolist() == [True] * 41 + [False, False]
     if hand == "right":
         mirrored = eye_fields(EyeViews.of(spline("progressive-c"), POSE, EYES), OWN)
         for a, b in ((found.horizon.left, mirrored.horizon.right), (found.horizon_clear.right, mirrored.horizon_clear.left)):

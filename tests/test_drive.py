@@ -24,6 +24,7 @@ from mirror_studio.drive.sensitivity import with_radii
 from mirror_studio.scene_file import SceneFile, load_scene
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import STRAIGHT
+from raytrace.visibility.image_points import image_points
 from tests.conftest import designed
 from tests.test_bodies import Glb, car
 
@@ -171,7 +172,7 @@ def test_a_picture_shows_things_where_the_measures_have_them(scene: SceneFile, w
     for k, view in enumerate((mirror.views.left, mirror.views.right)):
         camera, _ = camera_at(mirror, view, 320, 360)
         targets = np.array([[12_000.0, -3500.0, 700.0], [9_000.0, -1750.0, 0.0]])
-        places, shown = view.find(targets)
+        places, shown = image_points(view, targets)
         assert shown.all()
         ways = np.column_stack([places, np.zeros(2)]) - view.eye_in_mirror
         coefficients = np.linalg.solve(np.stack([camera.base, camera.across, camera.down], axis=1), ways.T)

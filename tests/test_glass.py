@@ -408,7 +408,7 @@ def test_a_file_is_traced_through_its_front_as_the_design_is(tmp_path: Path) -> 
     mirror = back_mirror()
     mirror.export_step(tmp_path / "a.step")
     reflector = raytrace.load_reflector(tmp_path / "a.step")
-    assert reflector.plate.index == INDEX
+    assert reflector.glass.index == INDEX
     rays = grid_rays(30)
     read = reflect(reflector, EYE, rays)
     meant = trace_through(*faces_of(mirror), INDEX, EYE, rays)

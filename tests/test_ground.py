@@ -23,8 +23,9 @@ from raytrace.viewing.pose import SIDEWAYS
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
+from raytrace.visibility.image_points import follow_image_points, image_points
 from raytrace.visibility.line_image import road_line
-from raytrace.visibility.plan import IntervalSet, both, brought, combined, either, outlines, shown
+from raytrace.visibility.plan import IntervalSet, both, combined, either, outlines, shown
 from tests.conftest import designed
 from tests.test_straight_lines import EYE, OWN, ball, flat, posed
 
@@ -47,7 +48,7 @@ def two_flat(pitch_deg: float = 3.0) -> tuple[View, View]:
 
 def is_seen(view: View, points: Array, own: HostVehicle | None) -> NDArray[np.bool_]:
     """Point by point, by the inverse ray."""
-    places, inside = view.find(points)
+    places, inside = image_points(view, points)
     return inside & ~own.hides(view.trace_places(places).points, points) if own is not None else inside
 
 
@@ -273,7 +274,7 @@ def test_turns_show_what_the_turned_mirror_shows() -> None:
         view = View(reflector, replace(pose, yaw=pose.yaw + turn), EYE)
         azimuth = np.array([low - 1e-6, low + 1e-6, high - 1e-6, high + 1e-6])
         far = np.stack([-np.cos(azimuth), -np.sin(azimuth), np.zeros(4)], axis=1)
-        assert view.find(far, at_infinity=True)[1].tolist() == [False, True, True, False]
+        assert image_points(view, far, at_infinity=True)[1].tolist() == [False, True, True, False]
     # An outward turn looks farther outboard: some two degrees a degree.
     assert np.degrees(found.azimuth_from[1] - found.azimuth_from[0]) == pytest.approx(12.0, abs=1.5)
     assert np.degrees(found.azimuth_to[2] - found.azimuth_to[1]) == pytest.approx(12.0, abs=1.5)
@@ -405,11 +406,11 @@ def test_outlines_split_and_join() -> None:
     assert any(within(polygon, np.zeros(1), np.full(1, 1.5))[0] for polygon in polygons)
 
 
-def test_newton_from_near_by_finds_what_find_finds() -> None:
+def test_newton_from_near_by_finds_what_a_search_finds() -> None:
     view = two("progressive-c")[0]
     points = on_ground(np.array([4000.0, 9000.0, 30_000.0]), np.array([-2000.0, -4000.0, -3000.0]))
-    places, _ = view.find(points)
-    again, on = brought(view.untrimmed, places + np.array([8.0, -6.0]), points)
+    places, _ = image_points(view, points)
+    again, on = follow_image_points(view.untrimmed, places + np.array([8.0, -6.0]), points)
     assert again == pytest.approx(places, abs=1e-6)
     way = points - on
     sight = view.untrimmed.trace_places(again)

@@ -25,11 +25,12 @@ from raytrace.measures.eye_fields import extent, eye_fields
 from raytrace.measures.ground import seen_widths
 from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.line_bow import line_bow
-from raytrace.measures.magnification import magnification_extremes, ray_differentials
+from raytrace.measures.magnification import magnification_extremes
 from raytrace.measures.road_straightness import road_straightness
 from raytrace.measures.yaw_coverage import yaw_coverage
 from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace
+from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.visibility.line_image import line_images, road_line, why_unmeasured
 from tests.conftest import designed
 

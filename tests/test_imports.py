@@ -35,6 +35,27 @@ def files(package: str) -> list[Path]:
     return sorted((HOME / package).rglob("*.py"))
 
 
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(HOME).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imported_modules(package: str) -> dict[str, set[str]]:
+    """Of each module of a package the others of it that it imports; `from raytrace.kernels import newton` is one of newton."""
+    paths = {module_of(path): path for path in files(package)}
+    found = {}
+    for name, path in paths.items():
+        whole = imports_of(path)
+        tree = ast.parse(path.read_text("utf-8"))
+        parts = {f"{node.module}.{alias.name}" for node in ast.walk(tree)
+                 if isinstance(node, ast.ImportFrom) and node.module in whole for alias in node.names}
+        found[name] = {each for each in parts | whole if each in paths} - {name}
+    return found
+
+
+# The floors of the tracer, from the ground: what stands on one uses what is below, and nothing above.
+FLOORS = ("kernels", "surfaces", "viewing", "visibility", "measures")
+
+
 def test_geometry_knows_neither_light_nor_people() -> None:
     """So that a mirror can be designed in any program without a tracer or a web page coming along."""
     for path in files("mirror_cad"):
@@ -52,6 +73,42 @@ def test_tracer_knows_no_design_intent() -> None:
         used = {name for name in imports_of(path) if name.split(".")[0] in ("mirror_cad", "mirror_studio")}
         allowed = plain | readers if path.name == "load.py" else plain
         assert used <= allowed, (path, used - allowed)
+
+
+def test_no_arrow_in_the_tracer_runs_back_up() -> None:
+    """So that a surface can be read without knowing who looks at it, and a view without what is measured in it."""
+    above = {"kernels": ("reflector", "trace", "scene", "image"), "surfaces": ("reflector", "trace", "scene", "image"),
+             "viewing": ("scene", "image"), "visibility": ("scene", "image"), "measures": ()}
+    for name, used in imported_modules("raytrace").items():
+        floor = name.split(".")[1] if name.count(".") > 1 else ""
+        if floor not in FLOORS:
+            continue
+        higher = {*FLOORS[FLOORS.index(floor) + 1:], *above[floor]}
+        assert not {other for other in used if other.split(".")[1:2] and other.split(".")[1] in higher}, name
+
+
+@pytest.mark.parametrize("package", ["raytrace", "mirror_studio"])
+def test_no_circle_of_imports(package: str) -> None:
+    """So that any module can be read, and loaded, before those that use it."""
+    graph = imported_modules(package)
+    while graph:  # what imports nothing that is left is in no circle
+        free = {name for name, used in graph.items() if not used & graph.keys()}
+        assert free, sorted(graph)
+        graph = {name: used for name, used in graph.items() if name not in free}
+
+
+def test_only_surfaces_ask_what_kind_a_surface_is() -> None:
+    """So that a new kind of surface is one file: what is asked of it stands in `OpticalSurface`."""
+    kinds = {node.name for path in files("raytrace") if path.parent.name == "surfaces"
+             for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ClassDef)}
+    assert {"OpticalSurface", "BSplineFace", "QuadricFace", "FaceSet", "MeshSurface", "Plate"} <= kinds
+    for path in files("raytrace") + files("mirror_studio"):
+        if path.parent == HOME / "raytrace" / "surfaces":
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("isinstance", "issubclass"):
+                asked = {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}
+                assert not asked & kinds, (path, node.lineno)
 
 
 def test_kernel_and_embree_have_one_door_each() -> None:

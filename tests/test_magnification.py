@@ -14,12 +14,14 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.differential import shape_operator
 from mirror_cad.surfaces.quadric import Quadric
 from raytrace.load import load_reflector
-from raytrace.measures.magnification import MagnificationMap, frame, magnification_map, ray_differentials
+from raytrace.measures.magnification import MagnificationMap, magnification_map
 from raytrace.reflector import Reflector
 from raytrace.surfaces.plate import Plate
 from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.pose import Pose
+from raytrace.viewing.ray_differentials import frame, ray_differentials
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import cap
 from tests.test_glass import INDEX, T_MM, sheets
@@ -197,7 +199,7 @@ def test_small_far_things_are_seen_as_large_as_the_magnification_says() -> None:
     found = ray_differentials(view, places).at()
     half = 0.5 * np.radians(1.0 / 60.0)
     for across, expected in zip(frame(sight.directions), (found.horizontal, found.vertical), strict=True):
-        ends = [view.find(np.cos(half) * sight.directions + sign * np.sin(half) * across, at_infinity=True)[0]
+        ends = [image_points(view, np.cos(half) * sight.directions + sign * np.sin(half) * across, at_infinity=True)[0]
                 for sign in (-1.0, 1.0)]
         seen = np.linalg.norm(view.towards(ends[1]) - view.towards(ends[0]), axis=1) / (2.0 * half)
         # The view finds a far point to 1e-10, of 3e-4; and 1′ is not infinitely small.

@@ -16,6 +16,7 @@ from raytrace.reflector import Reflector
 from raytrace.scene.mirror_scene import MirrorScene
 from raytrace.viewing.camera import Camera
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 from tests.conftest import designed
 
 WIDTH, HEIGHT = 640, 480
@@ -33,7 +34,7 @@ def mirror() -> DrivenMirror:
 
 def pixels(view: View, camera: Camera, targets: np.ndarray) -> np.ndarray:
     """Columns and rows (n, 2) at which a camera sees points of the world in the mirror; NaN for those it does not."""
-    places, shown = view.find(targets)
+    places, shown = image_points(view, targets)
     ways = np.column_stack([places, np.zeros(len(places))]) - view.eye_in_mirror
     a, b, c = np.linalg.solve(np.stack([camera.base, camera.across, camera.down], axis=1), ways.T)
     return np.where(shown[:, None], np.stack([b / a, c / a], axis=1), np.nan)
@@ -83,7 +84,7 @@ def test_the_number_plate_is_mirror_written(mirror: DrivenMirror, world: World, 
     u, v = (g.ravel() for g in np.meshgrid(np.linspace(0.06, 0.94, 120), np.linspace(0.15, 0.85, 30)))
     targets = np.column_stack([u, v, np.ones_like(u)]) @ fit
     view = mirror.views.middle
-    places, shown = view.find(targets)
+    places, shown = image_points(view, targets)
     assert shown.all()
     middle = view.towards(places).mean(axis=0)
     camera = Camera.looking_at(view.eye, view.eye + middle, np.array([0.0, 0.0, 1.0]), np.radians(1.6), 400, 160)

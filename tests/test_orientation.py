@@ -26,6 +26,7 @@ from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import _shows, edge_of
+from raytrace.visibility.image_points import image_points
 from raytrace.visibility.orientation import _eigenvalues, orientation
 from raytrace.visibility.plan import shown
 from tests.test_drive import ROAD, box_glb
@@ -108,7 +109,7 @@ def test_an_inverted_picture_is_measured_exactly() -> None:
         (low, high), = seen_at
         angles = np.radians(np.array([low - 1e-7, low + 1e-7, 0.5 * (low + high), high - 1e-7, high + 1e-7]))
         ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(5)], axis=1)
-        assert view.find(ways, at_infinity=True)[1].tolist() == [False, True, True, True, False]
+        assert image_points(view, ways, at_infinity=True)[1].tolist() == [False, True, True, True, False]
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +195,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
         for row, value in enumerate(values):
             points = on_ground(np.full(5, value), along) if axis == 0 else on_ground(along, np.full(5, value))
             seen = [bool(((low < at) & (at < high)).any()) for at in along for low, high in [spans.of(row).T]]
-            assert seen == edge.find(points)[1].tolist(), (axis, value)
+            assert seen == edge.image_points(points)[1].tolist(), (axis, value)
     # The horizon by rays forward: level ones of a fine grid, counted by whole degrees.
     (low, high), = eye_fields(EyeViews(view, view, view)).horizon.left
     assert high - low > 200.0

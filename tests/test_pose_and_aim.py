@@ -16,6 +16,7 @@ from raytrace.viewing.bezel import RIM_STEPS, housing, visible_aperture
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 from tests.conftest import designed
 
 EYE = np.array([0.0, -490.0, 1900.0])
@@ -71,7 +72,7 @@ def test_a_plane_mirror_shows_a_point_on_the_line_to_its_image(plane: raytrace.R
     eye = view.eye_in_mirror
     expected = (eye + (image - eye) * (eye[2] / (eye[2] - image[:, 2]))[:, None])[:, :2]
     on_it = (np.abs(expected) < [115, 160]).all(axis=1)
-    places, shown = view.find(points)
+    places, shown = image_points(view, points)
     assert on_it.sum() > 20
     assert np.array_equal(shown, on_it)
     assert np.allclose(places[on_it], expected[on_it], rtol=0, atol=1e-6)  # 1e-10 rad at 0.7 m
@@ -85,7 +86,7 @@ def test_what_a_ray_meets_is_found_again_where_the_ray_went(progressive: raytrac
     places = np.stack([x.ravel(), y.ravel()], axis=1)
     sight = view.trace_places(places)
     for at_infinity, targets in ((False, sight.points + 7000.0 * sight.directions), (True, sight.directions)):
-        found, shown = view.find(targets[sight.seen], at_infinity)
+        found, shown = image_points(view, targets[sight.seen], at_infinity)
         assert shown.all()
         assert np.allclose(found, places[sight.seen], rtol=0, atol=1e-6)
 

@@ -29,6 +29,7 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of, roots, visibility_contour
 from raytrace.visibility.grazing import grazing_functions
+from raytrace.visibility.image_points import image_points
 from raytrace.visibility.line_image import LineView, StraightLine, column, line_images, road_line
 from tests.conftest import constant, designed, face_of, spec_of
 from tests.meshes import grid
@@ -231,9 +232,9 @@ def test_ends_are_exact() -> None:
     image = line_images(view, road_line(-5250.0), OWN)[0]
     assert image.ends == ("edge", "line")
     near = image.along_mm[0]
-    assert view.find(road_line(-5250.0).at(near + np.array([-1e-2, 1e-2])))[1].tolist() == [False, True]
+    assert image_points(view, road_line(-5250.0).at(near + np.array([-1e-2, 1e-2])))[1].tolist() == [False, True]
     assert np.isinf(image.along_mm[-1])
-    assert view.find(np.array([[1.0, 0.0, 0.0]]), at_infinity=True)[0][0] == pytest.approx(image.places[-1], abs=1e-6)
+    assert image_points(view, np.array([[1.0, 0.0, 0.0]]), at_infinity=True)[0][0] == pytest.approx(image.places[-1], abs=1e-6)
     # A line across the road behind the vehicle, from the adjacent lane to behind its rear.
     across = StraightLine(np.array([20_000.0, -6000.0, 0.0]), np.array([0.0, 1.0, 0.0]), 8000.0)
     hidden = line_images(view, across, OWN)[0]

@@ -38,6 +38,7 @@ from mirror_studio.web.uploads import Uploads
 from raytrace.measures.blind_zone import blind_zone
 from raytrace.measures.ground import nearest_at_flank, seen_widths
 from raytrace.reflector import Reflector
+from raytrace.visibility.image_points import image_points
 from tests.studio_page import (
     CHROMIUM,
     SOON,
@@ -149,7 +150,7 @@ def test_the_right_hand_mirror_is_the_reflection_of_the_left_one() -> None:
 
 @pytest.mark.parametrize("eyes", ["one", "both"])
 def test_what_a_probe_lands_on_is_seen_where_it_was_asked(eyes: str) -> None:
-    """The way back: `View.find` looks for the point on the road, and finds the place."""
+    """The way back: `image_points` looks for the point on the road, and finds the place."""
     look = ViewSettings(**(SMALL | {"eyes": eyes}))
     one = engine.designed(load_spec("progressive-c"))
     views = road.views_of(motorway.driven(one, motorway.MountParameters.of(look)), look)
@@ -161,7 +162,7 @@ def test_what_a_probe_lands_on_is_seen_where_it_was_asked(eyes: str) -> None:
         assert x > 2.0
         assert y < -0.87
         assert z == pytest.approx(0.0, abs=1e-9)
-        place, shown = view.find(1e3 * np.array([[x, y, z]]))
+        place, shown = image_points(view, 1e3 * np.array([[x, y, z]]))
         assert shown[0]
         assert place[0] == pytest.approx([20.0, -120.0], abs=1e-4)
     assert road.probe(one, look, 500.0, 0.0, 0) is None

@@ -41,8 +41,8 @@ from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, load_picture
 from raytrace.seating import Place
+from raytrace.surfaces.base import GlassPlate
 from raytrace.surfaces.mesh import Normals
-from raytrace.surfaces.plate import Plate
 from raytrace.viewing.camera import Frame
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         "files": files,
     }
     if spec.glass.reflecting == "back":
-        metrics["glass"] = _glass(mirror, reflector.plate, eye, points, figures["h_fov_traced_deg"])
+        metrics["glass"] = _glass(mirror, reflector.glass, eye, points, figures["h_fov_traced_deg"])
     from mirror_studio.missed import missed_in_words
     from mirror_studio.report import find, write_findings, write_pdf, write_report
     from mirror_studio.report.verdict_table import as_json, requirements, view_requirements
@@ -229,7 +229,7 @@ def _facets(stl: Path, mirror: Mirror) -> Reflector:
     return Reflector.of_mesh(SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
 
 
-def _glass(mirror: Mirror, plate: Plate, eye: Array, points: Array, h_fov: float | None) -> dict[str, Any]:
+def _glass(mirror: Mirror, plate: GlassPlate, eye: Array, points: Array, h_fov: float | None) -> dict[str, Any]:
     """What the glass does to the driver's view: ghost over the grid of points, light, and field of view against none."""
     bare, _ = traced_fields_of_view(plate.uncoated(), eye, mirror.box, mirror.left_height_mm)
     seen = ghost(plate.untrimmed(), eye, points[:, 0], points[:, 1])

@@ -12,7 +12,6 @@ from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import bodies_and_left_out, daylight_of, housing_body, road_of
 from mirror_studio.scene_file import SceneFile
 from raytrace.image import photograph
-from raytrace.measures.magnification import mirror_grid, ray_differentials
 from raytrace.scene.bodies import Body
 from raytrace.scene.lit_world import LitWorld
 from raytrace.scene.mirror_scene import Cones, Lit, MirrorScene
@@ -20,7 +19,8 @@ from raytrace.scene.reference import Picture
 from raytrace.scene.woods import Woods
 from raytrace.viewing.bezel import housing
 from raytrace.viewing.camera import Camera
-from raytrace.viewing.view import View
+from raytrace.viewing.ray_differentials import ray_differentials
+from raytrace.viewing.view import View, mirror_grid
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,6 @@ from mirror_studio.web.turned import Turn, aimed
 from raytrace.image import photograph
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import lane_straightness_percent
-from raytrace.measures.magnification import ray_differentials
 from raytrace.measures.registry import measures_of
 from raytrace.rays import Status
 from raytrace.reflector import TRIM_CHORD_MM, Reflector
@@ -37,6 +36,7 @@ from raytrace.surfaces.trimming import Trimming
 from raytrace.trace import reflect
 from raytrace.viewing.camera import Frame
 from raytrace.viewing.pose import STRAIGHT, Pose
+from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.viewing.view import View, box_of
 
 Array = NDArray[np.float64]

@@ -32,7 +32,6 @@ from mirror_studio.web.motorway import MountParameters, driven, driven_own, grou
 from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.turned import Turn
 from raytrace.image import photograph
-from raytrace.measures.magnification import ray_differentials
 from raytrace.reflector import Reflector
 from raytrace.scene.bodies import Body
 from raytrace.scene.lit_world import LitWorld
@@ -40,6 +39,7 @@ from raytrace.scene.mirror_scene import MirrorScene
 from raytrace.scene.reference import Picture
 from raytrace.viewing.bezel import housing
 from raytrace.viewing.pose import Pose
+from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]

@@ -9,15 +9,17 @@ Source: the test for one root is that of Kantorovich and Krawczyk; see Neumaier,
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.kernels import newton
 from raytrace.parallel import parallel_for
-from raytrace.surfaces import pieces
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 # Numbers of other files as those of this one, so that the cache's key is in this file (newton.py says what they mean).
 HIT, MISSED, BEHIND, LOST = newton.HIT, newton.OUTSIDE, newton.BEHIND, newton.LOST
@@ -42,6 +44,28 @@ OX, OY, OZ, DX, DY, DZ, AX, AY, AZ, BX, BY, BZ = range(12)
 T, X, Y, Z, NX, NY, NZ, FACING = range(8)
 # Outcomes of a search in a piece.
 SETTLED, UNSURE = 0, 1
+
+
+class Pieces(NamedTuple):
+    """The pieces of several surfaces, in the order of their tree's leaves, as the search takes them.
+
+    tree_boxes, tree_links : see `Tree`.   boxes (m, 6) mm.   numbers (m, 21), bases (m,), owners (m,) : see the columns, where
+    the cell's coefficients begin, and the surface.   coefficients : flat, of each surface (u spans, v spans, parts, powers
+    of u, powers of v), highest first, about the surface's centre.   counts (f, 6), sizes (f, 11) : of the surfaces.
+    first, edges : of the trimmings, one after the other.
+    """
+
+    tree_boxes: Array
+    tree_links: Index
+    boxes: Array
+    numbers: Array
+    bases: Index
+    owners: Index
+    coefficients: Array
+    counts: Index
+    sizes: Array
+    first: Index
+    edges: Array
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
@@ -297,7 +321,7 @@ def _first_hits(nodes, links, boxes, numbers, bases, owners, flat, counts, sizes
                 points[c] = normals[c] = reflected[c] = np.nan
 
 
-def first_hits(tree: pieces.Pieces, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8],
+def first_hits(tree: Pieces, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8],
                points: Array, normals: Array, reflected: Array, distances: Array) -> None:
     """Put what rays meet first of the pieces into the results, where it is nearer than what stands there.
 

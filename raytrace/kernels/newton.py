@@ -324,6 +324,36 @@ def _taylor(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y
     q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7] = z, z_a, z_b, z_aa, z_ab, z_bb, x, y
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def height_field_tensors(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, points, normals, tensors):
+    """The derivative N of the unit normal along a sheet z(x, y), at points (n, 3) with normals (n, 3) of either sense.
+
+    N = −±Π·H·Π/w with w = √(1 + z_x² + z_y²), Π = 1 − nn and H the second derivatives, in x and y: tensors (n, 3, 3).
+    """
+    q, h, p = np.empty(8), np.zeros((3, 3)), np.empty((3, 3))
+    for n in range(points.shape[0]):
+        x, y = points[n, 0], points[n, 1]
+        if not (np.isfinite(x) and np.isfinite(y)):
+            tensors[n] = np.nan
+            continue
+        _taylor(powers, flat, ends_x, ends_y, middle_x, middle_y, lookup_x, lookup_y, x, y, q)
+        w = np.sqrt(1.0 + q[1] * q[1] + q[2] * q[2])
+        m = (-q[1] / w, -q[2] / w, 1.0 / w)
+        along = m[0] * normals[n, 0] + m[1] * normals[n, 1] + m[2] * normals[n, 2]
+        scale = (-1.0 if along >= 0.0 else 1.0) / w
+        h[0, 0], h[0, 1], h[1, 0], h[1, 1] = 2.0 * q[3] * scale, q[4] * scale, q[4] * scale, 2.0 * q[5] * scale
+        for i in range(3):
+            for j in range(3):
+                p[i, j] = (1.0 if i == j else 0.0) - m[i] * m[j]
+        for i in range(3):
+            for j in range(3):
+                value = 0.0
+                for k in range(2):
+                    for r in range(2):
+                        value += p[i, k] * h[k, r] * p[r, j]
+                tensors[n, i, j] = value
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _horner(powers, flat, base, a, b):
     """A polynomial in a and b, whose coefficients begin at base, highest powers first, and its derivatives by a and by b."""

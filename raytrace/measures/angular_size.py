@@ -14,6 +14,7 @@ from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import Measure, register_family
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
     across, up = np.meshgrid([-0.5, 0.0, 0.5], [0.0, 0.5, 1.0])
     points = np.stack([np.zeros(9), face.y_mm + face.width_mm * across.ravel(), face.height_mm * up.ravel()], axis=1)
     targets = np.concatenate([points + [distance, 0.0, 0.0] for distance in distances_mm])
-    places, shown = view.find(targets)
+    places, shown = image_points(view, targets)
     sight = view.trace_places(places)
     if own is not None:
         shown &= ~own.hides(sight.points, targets)

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.in_use import MirrorInUse
-from raytrace.measures.magnification import mirror_grid, ray_differentials, surface_under
+from raytrace.measures.magnification import surface_under
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
-from raytrace.viewing.view import Mask, View
+from raytrace.viewing.ray_differentials import ray_differentials
+from raytrace.viewing.view import Mask, View, mirror_grid
 from raytrace.visibility.edge import Edge, edge_of
 from raytrace.visibility.extremes import Samples, largest
-from raytrace.visibility.plan import brought
+from raytrace.visibility.image_points import follow_image_points, image_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -24,7 +25,6 @@ Size = Literal["horizontal", "vertical", "area"]
 
 COLUMNS, ROWS = 31, 15  # of the map: what is shown changes along a row
 STEP_MM = 0.25  # to either side of a place: where the law of curvature breaks, the rate is that over half a millimetre
-FOUND = 1e-9  # radians that a ray may miss its direction by: 1e-6 mm of the mirror
 ON_EDGE = 72  # places of each eye's edge at which the largest are looked for first
 COARSE = (17, 9)  # columns and rows of such places inside
 
@@ -117,7 +117,7 @@ class _BothSee:
                 continue
             places, sight = edge.along(ring, place[these, 0])
             directions[these], on_edge_of[these] = sight.directions, eye
-            looked[these], _ = (places, None) if eye == 1 else _places_of(middle, sight.directions)
+            looked[these], _ = (places, None) if eye == 1 else image_points(middle, sight.directions, at_infinity=True)
             at[these] = surface_under(middle, looked[these])
         step = middle.reflector.surface.resolution_mm or STEP_MM
         beside = middle.places_over(np.concatenate([at[:, 0] - step, at[:, 0] + step]), np.tile(at[:, 1], 2))
@@ -149,27 +149,17 @@ def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array
     asked = np.flatnonzero(np.isfinite(directions).all(axis=1))
     sizes = []
     for eye, view in enumerate((views.left, views.right)):
-        places, shown[eye, asked] = _places_of(view, directions[asked])
+        places, shown[eye, asked] = image_points(view, directions[asked], at_infinity=True)
         beside = np.tile(places, (k, 1))
         known = np.isfinite(beside).all(axis=1) & np.isfinite(ways := around[:, asked].reshape(-1, 3)).all(axis=1)
         beside[~known] = np.nan
         if known.any():
-            beside[known], _ = brought(view.untrimmed, beside[known], ways[known], at_infinity=True)
+            beside[known], _ = follow_image_points(view.untrimmed, beside[known], ways[known], at_infinity=True)
         found = ray_differentials(view.untrimmed, np.concatenate([places, beside]))
         sizes.append(getattr(found.at(), size).reshape(1 + k, -1))
     left, right = sizes
     percent[:, asked] = 100.0 * (left - right) / (0.5 * (left + right))
     return percent, shown[0], shown[1]
-
-
-def _places_of(view: View, directions: Array) -> tuple[Array, Mask]:
-    """`View.find` for far directions (n, 3) that are units: Newton without a guard first, which mostly does."""
-    places, _ = brought(view.untrimmed, view.nearest(directions, at_infinity=True), directions, at_infinity=True)
-    with np.errstate(invalid="ignore"):
-        rest = np.flatnonzero(~(np.abs(view.untrimmed.trace_places(places).directions - directions).max(axis=1) < FOUND))
-    if rest.size:
-        places[rest], _ = view.find(directions[rest], at_infinity=True)
-    return places, view.trace_places(places).seen
 
 
 def _along_rows(values: Array, x: Array) -> Array:

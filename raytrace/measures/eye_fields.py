@@ -15,7 +15,7 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import Edge, edge_of
 from raytrace.visibility.grazing import unhidden
-from raytrace.visibility.plan import brought
+from raytrace.visibility.image_points import follow_image_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -135,7 +135,7 @@ def _seen(edge: Edge, circle: _Circle, own: HostVehicle | None) -> tuple[Interva
     middle = float(circle.angles(ahead[None])[0])
     angle = np.mod(circle.angles(sight.directions) - middle + np.pi, 2.0 * np.pi) - np.pi + middle
     if edge.shows_more_than_half(ahead):
-        behind, shown = edge.find(circle.directions(np.array([middle + np.pi])), at_infinity=True)
+        behind, shown = edge.image_points(circle.directions(np.array([middle + np.pi])), at_infinity=True)
         if shown[0]:
             angle = np.concatenate([angle, [middle - np.pi, middle + np.pi]])
             places = np.concatenate([places, behind, behind])
@@ -155,7 +155,7 @@ def _unhidden(view: View, circle: _Circle, own: HostVehicle, ends: Array, at: Ar
     def segments(angle: Array, starts: Array) -> tuple[Array, Array, Array]:
         """Places that show directions (n,), where their rays leave the mirror, and how far these reach."""
         ways = circle.directions(angle)
-        places, points = brought(view, starts, ways, at_infinity=True)
+        places, points = follow_image_points(view, starts, ways, at_infinity=True)
         return places, points, points + FAR_MM * ways
 
     share = np.linspace(0.0, 1.0, GRID_SHAPE)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.rays import Rays, Trace
-from raytrace.surfaces.plate import Plate
+from raytrace.surfaces.base import GlassPlate
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class Ghost:
     image_mean: float | None = None
 
 
-def ghost(glass: Plate, eye: Array, u: Array, v: Array) -> Ghost:
+def ghost(glass: GlassPlate, eye: Array, u: Array, v: Array) -> Ghost:
     """The front's own reflection beside the image in the back, for rays from the eye to places (u, v) of the front.
 
     A far point sends the eye two rays, one by each face. The ghost's distance is the angle at the eye between the two. The
@@ -73,7 +73,7 @@ def reflectance(cosine: Array, index: float) -> Array:
     return result
 
 
-def _seen_apart(glass: Plate, eye: Array, ray: Array, wanted: Array) -> Array:
+def _seen_apart(glass: GlassPlate, eye: Array, ray: Array, wanted: Array) -> Array:
     """The angle by which the eye's directions have to turn for the rays to leave the glass along `wanted`, radians, (n,);
     NaN where none is found: where the sheets end, or beside the focus of a concave mirror."""
     a, b = _across(ray)

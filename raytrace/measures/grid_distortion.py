@@ -11,6 +11,7 @@ from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import picture_grid
 from raytrace.viewing.view import View
+from raytrace.visibility.image_points import image_points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,7 +81,7 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     at_azimuth, at_elevation = np.meshgrid(np.radians(azimuth), np.radians(elevation))
     nodes = np.stack([np.cos(at_elevation) * np.cos(at_azimuth), np.cos(at_elevation) * np.sin(at_azimuth),
                       np.sin(at_elevation)], axis=-1).reshape(-1, 3)
-    places, shown = view.find(nodes, at_infinity=True)
+    places, shown = image_points(view, nodes, at_infinity=True)
     shown &= nodes @ d0 > np.cos(WIDEST)
     shape = (len(elevation), len(azimuth))
     residual = np.full(len(nodes), np.nan)

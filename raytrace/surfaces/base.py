@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
@@ -12,12 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
+from raytrace.surfaces.differentials import reflected_differentials, traced_differentials
 from raytrace.surfaces.rim import Curve
 from raytrace.surfaces.trimming import Trimming
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
+# Radians to either side of a ray, 0.01 mm of a mirror at the driver's distance: rounding gives the differences 1e-11 of their
+# size, the third derivative 1e-9 of what changes over a degree.
+TURN = 1.5e-5
 CELLS = 16  # a direction, that a face is sampled in: for which way it looks and bulges, not for where its frame is
 
 
@@ -30,6 +35,26 @@ class RigidMotion(Protocol):
 
     def to_mirror(self, points: Array) -> Array:
         """Points (…, 3), mm."""
+
+
+class GlassPlate(Protocol):
+    """Glass before a reflecting back, as its ghost and its light are reckoned from."""
+
+    @property
+    def index(self) -> float:
+        """Of the glass against air, 1 or more."""
+
+    def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Points (n, 3) of the front, mm, and its unit normals towards the air, at its parameters (n,)."""
+
+    def first_hits(self, rays: Rays, out: Trace) -> None:
+        """As `OpticalSurface.first_hits`, through the glass."""
+
+    def untrimmed(self) -> GlassPlate:
+        """The whole of both sheets."""
+
+    def uncoated(self) -> OpticalSurface:
+        """The back alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +130,11 @@ class OpticalSurface(ABC):
     def refracts(self) -> bool:
         """Whether light goes through glass before it."""
         return False
+
+    @property
+    def glass(self) -> GlassPlate:
+        """The glass before it and its reflecting back. Raises: TraceError for what reflects from its front."""
+        raise TraceError("this mirror reflects from its front: it has no glass that light goes through")
 
     @property
     def resolution_mm(self) -> float:
@@ -194,6 +224,53 @@ class OpticalSurface(ABC):
     def reflected_on_grid(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
         """`reflected_at` on the grid of x (m,) and y (n,): (m·n, 3) each, y running first."""
         return self.reflected_at(eye, *grid_points(x, y))
+
+    # --- how rays leave it when the eye turns --------------------------------------------------------------------------
+
+    def curvature_tensors(self, points: Array, normals: Array) -> Array:
+        """Compute the derivative N of the unit normal along its sheet: dn = N·dP, the shape operator as a tensor in space.
+
+        Parameters
+        ----------
+        points : (n, 3), mm, where rays met its sheet.   normals : (n, 3), unit, there; N changes its sign with them.
+
+        Returns
+        -------
+        (n, 3, 3), 1/mm; NaN where it is not known in closed form.
+        """
+        return np.full((len(points), 3, 3), np.nan)
+
+    def ray_differentials(self, eye: Array, rays: Array, turns: Array, points: Array, directions: Array) -> tuple[Array, Array]:
+        """Differentiate where rays from the eye leave its sheet, and their directions then, by changes of the eye's rays.
+
+        In closed form where the shape operator is known, else by exact rays TURN beside.
+
+        Parameters
+        ----------
+        eye : (3,), mm.   rays : (n, 3), unit.   turns : (n, k, 3), changes of the rays, across them.
+        points : (n, 3), mm, where the rays leave.   directions : (n, 3), unit, then.
+
+        Returns
+        -------
+        Derivatives of points, mm, and of directions, (n, k, 3) each; NaN where nothing beside is reflected.
+        """
+        by_points, by_directions = reflected_differentials(eye, rays, turns, points, directions, self.curvature_tensors)
+        rest = np.flatnonzero(~np.isfinite(by_directions).all(axis=(1, 2)) & np.isfinite(directions).all(axis=1))
+        if rest.size:
+            by_points[rest], by_directions[rest] = traced_differentials(
+                self._traced_from(eye), rays[rest], turns[rest], points[rest], directions[rest], TURN, False)
+        return by_points, by_directions
+
+    def _traced_from(self, eye: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """Points and directions in which rays (m, 3) from the eye leave its sheet; NaN where they do not."""
+        sheet = self.untrimmed()
+
+        def trace(rays: Array) -> tuple[Array, Array]:
+            found = Trace.empty(len(rays))
+            sheet.first_hits(Rays(eye[None], np.ascontiguousarray(rays)), found)
+            return found.points, found.directions
+
+        return trace
 
     # --- what it costs ------------------------------------------------------------------------------------------------
 

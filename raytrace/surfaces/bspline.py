@@ -8,15 +8,18 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
 from raytrace.kernels import first_hit, newton
+from raytrace.kernels.first_hit import Pieces
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
 from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, with_trimming_of
+from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
-from raytrace.surfaces.pieces import Pieces, pieces_of
+from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.polynomials import HeightField, Patches, is_graph
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import Trimming
@@ -26,6 +29,9 @@ Box = tuple[float, float, float, float]
 
 OUTLINE_GRID = 48  # cells a direction in which a face is looked at for whether it bulges beyond its rim
 WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
+# Of the parameters of a point that lies on the face: a grid to start from, and Newton's steps from there.
+START_CELLS, MAX_STEPS = 32, 12
+ON_FACE = 1e-9  # of a sheet's size, 2e-7 mm: a point that is farther from it is not on it
 # How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
 # the sheet goes on beyond. 1e-12 rad of the reflected ray.
 EDGE_INSET = 1e-12
@@ -196,6 +202,62 @@ class BSplineFace(BoundedFace):
         if not self.is_graph:
             return super().reflected_at(eye, x, y)
         return reflected_from_graph(eye, x, y, *self.surface.heights(x, y))  # u = x, v = y: height and slopes say it all
+
+    def curvature_tensors(self, points: Array, normals: Array) -> Array:
+        field = self.height_field
+        if field is not None:
+            found = np.empty((len(points), 3, 3))
+            newton.height_field_tensors(field.powers, *field.arguments, points, normals, found)
+            return found
+        u, v = points[:, :2].T if self.is_graph else self.parameters_of(points).T
+        u_min, u_max, v_min, v_max = self.surface.domain
+        known = np.isfinite(u) & np.isfinite(v)
+        d = self.surface.derivatives(*(np.where(known, np.clip(at, low, high), low)
+                                       for at, low, high in ((u, u_min, u_max), (v, v_min, v_max))))
+        found = curvature_tensors(normals, d["u"], d["v"], d["uu"], d["uv"], d["vv"])
+        found[~known] = np.nan
+        return found
+
+    def parameters_of(self, points: Array) -> Array:
+        """Find the parameters of points on the sheet, by Gauss–Newton on S(u, v) − P from the nearest of a grid.
+
+        Parameters
+        ----------
+        points : (n, 3), mm.
+
+        Returns
+        -------
+        (u, v), (n, 2); NaN where none is found whose point is that one.
+        """
+        tree, starts, size = self._starts
+        (u_min, u_max, v_min, v_max), n = self.surface.domain, len(points)
+        found = np.full((n, 2), np.nan)
+        going = np.flatnonzero(np.isfinite(points).all(axis=1))
+        at = starts[tree.query(points[going])[1]]
+        for _ in range(MAX_STEPS):
+            d = self.surface.derivatives(*at.T)
+            off = points[going] - d["s"]
+            done = np.linalg.norm(off, axis=1) <= ON_FACE * size
+            found[going[done]] = at[done]
+            e, f, g = (np.einsum("ij,ij->i", d[a], d[b]) for a, b in ("uu", "uv", "vv"))
+            p, q = (np.einsum("ij,ij->i", off, d[a]) for a in "uv")
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.stack([g * p - f * q, e * q - f * p], axis=1) / (e * g - f * f)[:, None]
+            found[going[done]] += step[done]  # once more: to rounding
+            kept = ~done & np.isfinite(step).all(axis=1)
+            going, at = going[kept], np.clip(at[kept] + step[kept], [u_min, v_min], [u_max, v_max])
+            if going.size == 0:
+                break
+        return found
+
+    @cached_property
+    def _starts(self) -> tuple[cKDTree, Array, float]:
+        """Points of a grid in a tree, their parameters (m, 2), and the sheet's size, mm."""
+        u_min, u_max, v_min, v_max = self.surface.domain
+        u, v = np.linspace(u_min, u_max, START_CELLS + 1), np.linspace(v_min, v_max, START_CELLS + 1)
+        points = self.surface.on_grid(u, v, order=0)["s"].reshape(-1, 3)
+        parameters = np.stack([at.ravel() for at in np.meshgrid(u, v, indexing="ij")], axis=1)
+        return cKDTree(points), parameters, float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def reflected_on_grid(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
         at_x, at_y = grid_points(x, y)

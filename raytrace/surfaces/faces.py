@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels.first_hit import Pieces
 from raytrace.rays import Mask, Rays, Trace
 from raytrace.surfaces.base import AreaSamples, BoundedFace, OpticalSurface, RigidMotion
 from raytrace.surfaces.bspline import BSplineFace, search_pieces
-from raytrace.surfaces.pieces import Pieces, pieces_of
+from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.quadric import FEW, QuadricFace, Quadrics, first_of_quadrics
 
 Array = NDArray[np.float64]

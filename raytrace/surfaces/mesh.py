@@ -14,11 +14,13 @@ from raytrace.embree import TriangleScene
 from raytrace.kernels.mesh_normals import corner_normals, interpolated_normals
 from raytrace.rays import Mask, NormalsFrom, Rays, Status, Trace
 from raytrace.surfaces.base import AreaSamples, OpticalSurface, RigidMotion
+from raytrace.surfaces.differentials import traced_differentials
 
 Array = NDArray[np.float64]
 Normals = Literal["facets", "interpolated"]
 
 FACETS = 2.0  # sides of its facets that are told apart: within a facet the normals' slope is that of noise
+TILT = 2e-3  # of the mirror's width: how far beside a ray those are that a facet's derivatives are made of
 WIDEST_SPAN = 0.05  # of the mirror's width, where facets are large because the mirror is flat
 # How far inside the box's edge a ray is taken, of the mirror's width: its points are float32's, and a solid's rim is beside.
 EDGE_INSET = 1e-5
@@ -130,7 +132,11 @@ class MeshSurface(OpticalSurface):
     def _interpolated(self) -> MeshSurface:
         return replace(self, normals="interpolated")
 
-
-
-
-
+    def ray_differentials(self, eye: Array, rays: Array, turns: Array, points: Array, directions: Array) -> tuple[Array, Array]:
+        """By exact rays beside: with interpolated normals `resolution_mm` apart and of the fourth order, since what is between
+        vertices is right in the mean only; with its facets', a part of its width, as far as a Newton step has to see."""
+        smooth = self.normals == "interpolated"
+        x_min, x_max, _, _ = self.domain
+        apart = self.resolution_mm if smooth else TILT * (x_max - x_min)
+        return traced_differentials(self._traced_from(eye), rays, turns, points, directions,
+                                    apart / float(np.linalg.norm(eye)), smooth)

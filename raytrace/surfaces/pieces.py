@@ -7,20 +7,19 @@ the Bézier poles of that rectangle: the surface lies in their box, and its seco
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
+from raytrace.kernels.first_hit import Pieces
 from raytrace.surfaces.polynomials import polynomial_cells
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.trimming import Trimming
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -51,29 +50,27 @@ class Tree(NamedTuple):
     links: Index
 
 
-class Pieces(NamedTuple):
-    """The pieces of several surfaces, in the order of their tree's leaves, as the search takes them.
+class SplineFace(Protocol):
+    """What is cut into pieces: a B-spline inside trimming loops, S_u × S_v times `sign` outward."""
 
-    tree_boxes, tree_links : see `Tree`.   boxes (m, 6) mm.   numbers (m, 21), bases (m,), owners (m,) : see the columns, where
-    the cell's coefficients begin, and the surface.   coefficients : flat, of each surface (u spans, v spans, parts, powers
-    of u, powers of v), highest first, about the surface's centre.   counts (f, 6), sizes (f, 11) : of the surfaces.
-    first, edges : of the trimmings, one after the other.
-    """
+    @property
+    def surface(self) -> BSplineSurface:
+        """S(u, v)."""
 
-    tree_boxes: Array
-    tree_links: Index
-    boxes: Array
-    numbers: Array
-    bases: Index
-    owners: Index
-    coefficients: Array
-    counts: Index
-    sizes: Array
-    first: Index
-    edges: Array
+    @property
+    def trimming(self) -> Trimming:
+        """Its loops."""
+
+    @property
+    def sign(self) -> float:
+        """1 or −1."""
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether only the outward side reflects."""
 
 
-def pieces_of(surfaces: Sequence[BSplineFace]) -> Pieces:
+def pieces_of(surfaces: Sequence[SplineFace]) -> Pieces:
     """The pieces of trimmed surfaces within the boxes of their trimmings.
 
     Raises: TraceError for a degree that the kernels do not take.

@@ -89,6 +89,10 @@ class Plate(OpticalSurface):
         return replace(self.front, one_sided=False)
 
     @property
+    def glass(self) -> Plate:
+        return self
+
+    @property
     def refracts(self) -> bool:
         return True
 

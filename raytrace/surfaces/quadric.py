@@ -116,6 +116,23 @@ class QuadricFace(BoundedFace):
     def first_hits(self, rays: Rays, out: Trace) -> None:
         first_of_quadrics((self,), None, rays, out)
 
+    def curvature_tensors(self, points: Array, normals: Array) -> Array:
+        """N = 0 of a plane; ±(1 − rr)/R of a sphere and ±(1 − rr − zz)/R of a cylinder, r = ±n the radial direction."""
+        quadric, found = self.quadric, np.zeros((len(points), 3, 3))
+        if quadric.kind == "plane":
+            return found
+        radial = points - quadric.centre
+        found[:] = np.eye(3)
+        if quadric.kind == "cylinder":
+            axis = quadric.axes[2]
+            radial = radial - (radial @ axis)[:, None] * axis
+            found -= np.outer(axis, axis)
+        with np.errstate(invalid="ignore"):
+            radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+            found -= radial[:, :, None] * radial[:, None]
+            found *= (np.sign(np.einsum("ij,ij->i", radial, normals)) / quadric.radius_mm)[:, None, None]
+        return found
+
     # --- tracing ------------------------------------------------------------------------------------------------------
 
     def meet(self, first: bool, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8], points: Array,

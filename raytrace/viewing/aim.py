@@ -77,12 +77,12 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
         now = off(turn)
         if not np.isfinite(now).all():
             break
-        if np.abs(now).max() <= SOLVED:
-            return replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
         slopes = np.stack([off(turn + shift) - off(turn - shift) for shift in TILT * np.eye(2)], axis=1) / (2.0 * TILT)
         if not np.isfinite(slopes).all() or np.linalg.det(slopes) == 0.0:
             break
         step = -np.linalg.solve(slopes, now)
+        if np.abs(now).max() <= SOLVED:  # and one step more, to rounding: no figure is to hang on where Newton ends
+            return replace(pose, yaw=float(turn[0] + step[0]), pitch=float(turn[1] + step[1]))
         step *= min(1.0, LONGEST_STEP / np.abs(step).max())
         while not np.isfinite(off(turn + step)).all() and np.abs(step).max() > SOLVED:
             step *= 0.5

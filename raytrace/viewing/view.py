@@ -19,14 +19,6 @@ from raytrace.viewing.pose import Pose
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Newton is done when the reflected ray passes its target by less: far above rounding, and 2e-5″.
-PASSES_BY = 1e-10
-MAX_STEPS = 40
-TILT = 2e-3  # of the mirror's width: the differences that Newton's derivatives are made of
-LONGEST_STEP = 0.25  # of the mirror's width
-START_GRID = 33
-BEYOND = 0.1  # of the box, on every side: what Newton may start from beside the mirror
-STARTS_AT_ONCE = 4_000  # targets: 35 MB of distances to all starts
 THICKNESS = 10.0  # mm behind the face that count as inside the mirror
 EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
 
@@ -143,107 +135,6 @@ class View:
         does, neither inside the outline nor on the sheet beyond."""
         return self.places_of(self.reflector.surface.points_over(x, y))
 
-    @cached_property
-    def _starts(self) -> tuple[Array, TracedRays]:
-        x_min, x_max, y_min, y_max = self.box
-        more_x, more_y = BEYOND * (x_max - x_min), BEYOND * (y_max - y_min)
-        x, y = np.meshgrid(np.linspace(x_min - more_x, x_max + more_x, START_GRID),
-                           np.linspace(y_min - more_y, y_max + more_y, START_GRID))
-        places = self.places_of(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1))
-        sight = self.untrimmed.trace_places(places)
-        seen = sight.seen
-        return places[seen], TracedRays(sight.status[seen], sight.points[seen], sight.directions[seen], sight.on_mirror[seen])
-
-    def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
-        """Where the mirror shows points (n, 3) of the world, or directions (n, 3) of infinitely far ones.
-
-        The place of the picture plane whose reflected ray passes through the target, by Newton on that ray, from the
-        nearest of a grid of rays. Where a concave mirror shows a point more than once, one of them.
-        Returns: places (n, 2), NaN where the sheet shows it nowhere; and (n,) whether it is shown inside the outline.
-        What stands between mirror and target is not looked at.
-        """
-        places = np.full((len(targets), 2), np.nan)
-        if len(targets) == 0:
-            return places, np.zeros(0, dtype=np.bool_)
-        if len(self._starts[0]) == 0:
-            return places, np.zeros(len(targets), dtype=np.bool_)
-        wanted = targets / np.linalg.norm(targets, axis=1, keepdims=True) if at_infinity else targets
-        places = self.nearest(wanted, at_infinity)
-        found = self._newton(places, wanted, at_infinity)
-        places[~found] = np.nan
-        shown = np.zeros(len(targets), dtype=np.bool_)
-        index = np.flatnonzero(found)
-        shown[index] = self.trace_places(places[index]).seen
-        return places, shown
-
-    def nearest(self, wanted: Array, at_infinity: bool = False) -> Array:
-        """The places (n, 2), of a grid over the mirror, whose rays pass nearest to points (n, 3), or leave most nearly along
-        unit directions (n, 3): where Newton starts. NaN where the mirror reflects none."""
-        places = np.full((len(wanted), 2), np.nan)
-        starts, first = self._starts
-        for begin in range(0, len(wanted) if len(starts) else 0, STARTS_AT_ONCE):
-            part = wanted[begin:begin + STARTS_AT_ONCE]
-            # Not by BLAS: its threads would spin beside those that trace.
-            alike = np.einsum("ij,kj->ik", part, first.directions) if at_infinity else _alike(part, first)
-            places[begin:begin + STARTS_AT_ONCE] = starts[np.argmax(alike, axis=1)]
-        return places
-
-    def _newton(self, places: Array, wanted: Array, at_infinity: bool) -> Mask:
-        """Move places until their rays pass through what is wanted; returns where they do."""
-        size = self.box[1] - self.box[0]
-        step = TILT * size
-        shifts = np.array([[0.0, 0.0], [step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]])
-        found = np.zeros(len(places), dtype=np.bool_)
-        going = np.arange(len(places))
-        best = np.full(len(places), np.inf)
-        kept, last = places.copy(), np.zeros_like(places)
-        for _ in range(MAX_STEPS):
-            n = len(going)
-            if n == 0:
-                break
-            asked = (places[going, None] + shifts).reshape(-1, 2)
-            missed = self._misses(asked, np.repeat(wanted[going], 5, axis=0), at_infinity).reshape(n, 5, 2)
-            now = np.linalg.norm(missed[:, 0], axis=1)
-            better = now < best[going]  # not where it is NaN
-            best[going[better]] = now[better]
-            kept[going[better]] = places[going[better]]
-            found[going] = best[going] <= PASSES_BY
-            a, b = (_slope(missed[:, 0], missed[:, k], missed[:, k + 1], step) for k in (1, 3))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                determinant = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-                move = -np.stack([missed[:, 0, 0] * b[:, 1] - missed[:, 0, 1] * b[:, 0],
-                                  a[:, 0] * missed[:, 0, 1] - a[:, 1] * missed[:, 0, 0]], axis=1) / determinant[:, None]
-                move *= np.minimum(1.0, LONGEST_STEP * size / np.linalg.norm(move, axis=1))[:, None]
-            good = better & np.isfinite(move).all(axis=1)
-            last[going] = np.where(good[:, None], move, 0.5 * last[going])  # not better: half the step before, from there
-            places[going] = kept[going] + last[going]
-            going = going[~found[going] & (np.linalg.norm(last[going], axis=1) > 1e-12 * size)]
-        places[:] = kept
-        return found
-
-    def _misses(self, places: Array, wanted: Array, at_infinity: bool) -> Array:
-        """By what angles, about, the rays through places pass their targets: (n, 2), NaN where they are not reflected."""
-        sight = self.untrimmed.trace_places(places)
-        towards = wanted if at_infinity else wanted - sight.points
-        with np.errstate(invalid="ignore"):
-            towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-            # Two directions across the target's, from an axis that is the same for all rays to one target.
-            far = wanted if at_infinity else wanted - self.eye
-            side = np.cross(towards, np.eye(3)[np.argmin(np.abs(far), axis=1)])
-            side /= np.linalg.norm(side, axis=1, keepdims=True)
-            up = np.cross(towards, side)
-            result = np.stack([np.einsum("ij,ij->i", sight.directions, side), np.einsum("ij,ij->i", sight.directions, up)],
-                              axis=1)
-            result[np.einsum("ij,ij->i", sight.directions, towards) <= 0.0] = np.nan
-        return result
-
-
-def _slope(here: Array, after: Array, before: Array, step: float) -> Array:
-    """Derivatives (n, 2) by central differences, or to the one side on which there is a value."""
-    slope = (after - before) / (2.0 * step)
-    slope = np.where(np.isfinite(slope), slope, (after - here) / step)
-    return np.where(np.isfinite(slope), slope, (here - before) / step)
-
 
 def box_of(reflector: Reflector) -> Box:
     """(x_min, x_max, y_min, y_max) of what reflects, mm."""
@@ -251,9 +142,11 @@ def box_of(reflector: Reflector) -> Box:
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-def _alike(points: Array, first: TracedRays) -> Array:
-    """Cosines (n, m) between the rays that start and what each point is seen at from where they start."""
-    apart = points[:, None, :] - first.points[None, :, :]
-    length = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.nan_to_num(np.einsum("ijk,jk->ij", apart, first.directions) / length, nan=-1.0)
+def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Array]:
+    """Middles x (columns,) and y (rows,) of equal cells of the mirror's box, and the places (rows, columns, 2) that the
+    eye looks through at them; NaN where the mirror has no surface."""
+    x_min, x_max, y_min, y_max = view.box
+    x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
+    y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
+    at_x, at_y = np.meshgrid(x, y)
+    return x, y, view.places_over(at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)

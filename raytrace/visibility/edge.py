@@ -15,6 +15,7 @@ from raytrace.surfaces.base import BoundedFace
 from raytrace.surfaces.rim import AROUND, Evaluate
 from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import Mask, TracedRays, View
+from raytrace.visibility.image_points import image_points
 from raytrace.visibility.turning import lowest, may_cross
 
 Array = NDArray[np.float64]
@@ -91,9 +92,9 @@ class Edge:
         k = np.minimum(along.astype(np.intp), len(ring) - 1)
         return self.between(ring[k], along - k)
 
-    def find(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
-        """`View.find`, and whether the edge encloses the places."""
-        places, inside = self.of.find(targets, at_infinity)
+    def image_points(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
+        """`image_points`, and whether the edge encloses the places."""
+        places, inside = image_points(self.of, targets, at_infinity)
         if not self.rim:
             inside[inside] = _shows(self.of, places[inside])
         return places, inside

@@ -12,7 +12,8 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge, edge_of
 from raytrace.visibility.grazing import unhidden
-from raytrace.visibility.plan import beside, brought
+from raytrace.visibility.image_points import follow_image_points, image_points
+from raytrace.visibility.plan import beside
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -108,14 +109,14 @@ class LineView:
         endless = np.isinf(self.line.length_mm) & (angle >= self.ends[1])
         return np.where(endless, np.inf, self.foot_mm + self.away_mm * np.tan(angle))
 
-    def find(self, angle: Array) -> tuple[Array, Mask]:
+    def image_points(self, angle: Array) -> tuple[Array, Mask]:
         """The places (n, 2) that show the line's points at φ (n,), NaN where the sheet shows none, and whether inside the
         outline."""
         along = self.along(angle)
         far = np.isinf(along)
         places, seen = np.empty((len(angle), 2)), np.empty(len(angle), dtype=np.bool_)
-        places[~far], seen[~far] = self.view.find(self.line.at(along[~far]))
-        places[far], seen[far] = self.view.find(np.tile(self.line.direction, (int(far.sum()), 1)), at_infinity=True)
+        places[~far], seen[~far] = image_points(self.view, self.line.at(along[~far]))
+        places[far], seen[far] = image_points(self.view, np.tile(self.line.direction, (int(far.sum()), 1)), at_infinity=True)
         return places, seen
 
     def crossings(self) -> tuple[Array, Array, Array]:
@@ -140,10 +141,10 @@ class LineView:
         """Whether the mirror shows the parts of the line between its ends and the crossings, stops (k + 2,), whose places are
         `at` (k, 2)."""
         if len(at) == 0 or not self.edge.beyond:
-            return self.find(0.5 * (stops[1:] + stops[:-1]))[1]
+            return self.image_points(0.5 * (stops[1:] + stops[:-1]))[1]
         # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
         behind = np.minimum(stops[1:-1] + BEHIND, 0.5 * (stops[1:-1] + stops[2:]))
-        places, _ = brought(self.edge.view, at, self.line.at(self.along(behind)))
+        places, _ = follow_image_points(self.edge.view, at, self.line.at(self.along(behind)))
         shows = self.view.trace_places(places).seen
         return np.concatenate([~shows[:1], shows])
 
@@ -151,13 +152,13 @@ class LineView:
         """The places (n, 2) that show the line's points at φ (n,), by Newton from near by, where their rays leave the mirror,
         and the points, those far away FAR_MM away."""
         target = self.line.at(np.minimum(self.along(angle), FAR_MM))
-        places, points = brought(self.edge.view, starts, target)
+        places, points = follow_image_points(self.edge.view, starts, target)
         return places, points, target
 
     def image(self, low: float, high: float, ends: tuple[End, End], known: tuple[Known, Known], samples: int) -> LineImage:
         """The part of the image between two φ, with what is known of its ends: their place and where on the mirror it is."""
         angle = np.linspace(low, high, samples)
-        places, _ = self.find(angle)
+        places, _ = self.image_points(angle)
         sight = self.edge.view.trace_places(places)
         kept, on_mirror = sight.seen, sight.on_mirror
         for k, end in zip((0, -1), known, strict=True):
@@ -207,7 +208,7 @@ def _unhidden(seen: LineView, own: HostVehicle | None, low: float, high: float, 
     if own is None or beside(seen.edge, own, ends_at[:, None, :2])[0]:
         return [seen.image(low, high, ends, known, samples)]
     angle = np.linspace(low, high, GRID_SHAPE)
-    near, _ = seen.find(angle)
+    near, _ = seen.image_points(angle)
     for k, end in zip((0, -1), known, strict=True):
         if end is not None:
             near[k] = end[0]

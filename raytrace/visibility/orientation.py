@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.measures.magnification import frame, mirror_grid, ray_differentials
-from raytrace.viewing.view import View
+from raytrace.viewing.ray_differentials import frame, ray_differentials
+from raytrace.viewing.view import View, mirror_grid
 from raytrace.visibility.edge import edge_of
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def orientation(view: View) -> Orientation:
     away than about its focal length, 1/(2κ), one or both are below 0. Where one is 0 the mirror folds: the directions
     to one side of that line are shown by both sides of the mirror, those to the other side not at all. A field or a piece of
     ground that is bounded by the mirror's edge elsewhere is bounded by that line there, so what is measured by the edge
-    (`eye_fields`, `plan`) and by the inverse ray (`View.find`) does not hold for such a mirror.
+    (`eye_fields`, `plan`) and by the inverse ray (`raytrace.visibility.image_points`) does not hold for such a mirror.
     Looked at on a grid of 17 × 25 places, and at 128 of the edge. Not looked at is whether several faces show the same.
     """
     view = view.interpolated

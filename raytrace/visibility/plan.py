@@ -12,6 +12,7 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
 from raytrace.visibility.grazing import unhidden
+from raytrace.visibility.image_points import follow_image_points
 from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
 
 Array = NDArray[np.float64]
@@ -25,10 +26,6 @@ either, both = union, intersection
 GRID_SHAPE = 7  # samples of a part of a line, ends included, between which the vehicle's edges are looked for
 INSIDE = 1e-3  # of a part of a line: how far inside its ends, where rays may miss the mirror, Newton starts
 ENDLESS_MM = 1e6  # as far as a part of a line is followed that the mirror shows without an end
-STEP_MM = 0.02  # of the differences that Newton's derivatives are made of: 1e-4 of the mirror's width
-MAX_STEPS = 12
-SETTLED = 1e-12  # radians by which a ray passes its target: Newton is done
-SOLVED = 0.02  # what Newton did not bring below that is not shown; facets turn their rays in steps of as much
 WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
 
 
@@ -115,7 +112,7 @@ def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, 
     ends = np.empty((2, len(asked), 3))
     ends[:, :, axis], ends[:, :, 2] = values[asked], height_mm
     ends[:, :, 1 - axis] = np.array([[-ENDLESS_MM], [ENDLESS_MM]])
-    found, seen = edge.find(ends.reshape(-1, 3))
+    found, seen = edge.image_points(ends.reshape(-1, 3))
     # Of a line with one crossing one end is shown, else none or both; where that is not to be told, the line is left out.
     seen_at = seen.reshape(2, -1)
     told = (seen_at[0] != seen_at[1]) == odd[asked]
@@ -151,7 +148,7 @@ def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, own: Host
         target = np.empty((len(which), 3))
         target[:, axis], target[:, 2] = value[which], height_mm
         target[:, 1 - axis] = middle[1 - axis] + away[which] * np.tan(angle)
-        places, points = brought(view, starts, target)
+        places, points = follow_image_points(view, starts, target)
         return target, places, points
 
     share = np.linspace(0.0, 1.0, GRID_SHAPE)
@@ -222,39 +219,3 @@ def _share(spans: IntervalSet, parts: list[int], part: int, whole: int) -> tuple
 def _grow(polygon: tuple[list[tuple[float, float]], list[tuple[float, float]]], value: float, low: float, high: float) -> None:
     polygon[0].append((value, low))
     polygon[1].append((value, high))
-
-
-def brought(view: View, places: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:
-    """Places (n, 2) moved to where the mirror shows targets (n, 3), points of the world or directions of infinitely far ones,
-    by Newton, and where their rays leave it (n, 3).
-
-    For starts near by, from one side of the mirror to the other; NaN where the mirror shows nothing near them. Else
-    `View.find` is what finds them. A mirror that shows nothing beyond its edge is followed as far as it goes.
-    """
-    n = len(places)
-    places = places.copy()
-    inwards = np.where(places > np.array(view.box).reshape(2, 2).mean(axis=1), -STEP_MM, STEP_MM)
-    shifts = np.stack([np.zeros_like(places), inwards * [1.0, 0.0], inwards * [0.0, 1.0]])
-    wanted = np.tile(targets, (3, 1))
-    best, found, points = np.full(n, np.inf), np.full((n, 2), np.nan), np.full((n, 3), np.nan)
-    for _ in range(MAX_STEPS):
-        sight = view.trace_places((places + shifts).reshape(-1, 2))
-        way, d = wanted if at_infinity else wanted - sight.points, sight.directions
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # By what angles the rays pass the targets, about: in plan, and above.
-            off = np.stack([way[:, 0] * d[:, 1] - way[:, 1] * d[:, 0],
-                            d[:, 2] * np.hypot(way[:, 0], way[:, 1]) - way[:, 2] * np.hypot(d[:, 0], d[:, 1])])
-            off /= np.sqrt(np.einsum("ij,ij->i", way, way))
-            now, by_x, by_y = off[:, :n], off[:, n:2 * n], off[:, 2 * n:]
-            by_x, by_y = (by_x - now) / inwards[:, 0], (by_y - now) / inwards[:, 1]
-            move = np.stack([now[1] * by_y[0] - now[0] * by_y[1], now[0] * by_x[1] - now[1] * by_x[0]], axis=1)
-            move /= (by_x[0] * by_y[1] - by_y[0] * by_x[1])[:, None]
-        passes = np.abs(now).max(axis=0)
-        better = passes < best  # not where it is NaN: there the mirror ends, and the place before is the last
-        best = np.where(better, passes, best)
-        found, points = np.where(better[:, None], places, found), np.where(better[:, None], sight.points[:n], points)
-        if not (best[better] > SETTLED).any():
-            break
-        places += move
-    solved = (best < SOLVED)[:, None]
-    return np.where(solved, found, np.nan), np.where(solved, points, np.nan)

@@ -1,0 +1,135 @@
+"""What Newton for image points does ray by ray, and the differentials of reflected rays that it goes by.
+
+All vectors are in mirror coordinates. The kernels call none of other modules, whose changes numba's cache would not notice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def normals_between(rays: Array, directions: Array, normals: Array) -> None:
+    """Unit normals (n, 3) that turn rays (n, 3) into the reflected directions (n, 3)."""
+    for n in range(rays.shape[0]):
+        x, y, z = (directions[n, 0] - rays[n, 0], directions[n, 1] - rays[n, 1], directions[n, 2] - rays[n, 2])
+        length = np.sqrt(x * x + y * y + z * z)
+        normals[n, 0], normals[n, 1], normals[n, 2] = x / length, y / length, z / length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def reflected_differentials(eye: Array, rays: Array, turns: Array, points: Array, normals: Array, tensors: Array,
+                            by_points: Array, by_directions: Array) -> None:
+    """dP = t·(δ − ω·(n·δ)/(n·ω)) and dd = δ − 2(δ·n + ω·dn)·n − 2(ω·n)·dn, dn = N·dP, of turns δ (n, k, 3) of rays ω (n, 3)."""
+    step, bent = np.empty(3), np.empty(3)
+    for n in range(rays.shape[0]):
+        along = path = 0.0
+        for c in range(3):
+            along += rays[n, c] * normals[n, c]
+            path += (points[n, c] - eye[c]) ** 2
+        path = np.sqrt(path)
+        for k in range(turns.shape[1]):
+            leaning = 0.0
+            for c in range(3):
+                leaning += turns[n, k, c] * normals[n, c]
+            for c in range(3):
+                step[c] = path * (turns[n, k, c] - rays[n, c] * (leaning / along))
+                by_points[n, k, c] = step[c]
+            twice = leaning
+            for c in range(3):
+                bent[c] = tensors[n, c, 0] * step[0] + tensors[n, c, 1] * step[1] + tensors[n, c, 2] * step[2]
+                twice += bent[c] * rays[n, c]
+            for c in range(3):
+                by_directions[n, k, c] = turns[n, k, c] - 2.0 * twice * normals[n, c] - 2.0 * along * bent[c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def rays_through(eye: Array, at: Array, rays: Array, turns: Array) -> None:
+    """Unit rays (n, 3) from the eye through points (n, 2) of the plane z = 0, and their derivatives by these, (n, 2, 3)."""
+    for n in range(at.shape[0]):
+        x, y, z = at[n, 0] - eye[0], at[n, 1] - eye[1], -eye[2]
+        length = np.sqrt(x * x + y * y + z * z)
+        x, y, z = x / length, y / length, z / length
+        rays[n, 0], rays[n, 1], rays[n, 2] = x, y, z
+        turns[n, 0, 0], turns[n, 0, 1], turns[n, 0, 2] = (1.0 - x * x) / length, -x * y / length, -x * z / length
+        turns[n, 1, 0], turns[n, 1, 1], turns[n, 1, 2] = -x * y / length, (1.0 - y * y) / length, -y * z / length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directions: Array, missed: Array, axes: Array,
+           reach: Array) -> None:
+    """By what angles, about, rays pass their targets: missed (n, 2), NaN where they are not reflected or leave it behind.
+
+    axes (n, 2, 3) : across τ = (T − P)/|T − P|, that misses are measured along.   reach (n,) : (d·τ)/|T − P|, 1/mm.
+    """
+    to = np.empty(3)
+    for n in range(wanted.shape[0]):
+        missed[n, 0] = missed[n, 1] = np.nan
+        length, along = 0.0, 0.0
+        for c in range(3):
+            to[c] = wanted[n, c] if at_infinity else wanted[n, c] - points[n, c]
+            length += to[c] * to[c]
+        length = np.sqrt(length)
+        for c in range(3):
+            to[c] /= length
+            along += to[c] * directions[n, c]
+        # Two directions across the target's, from an axis that is the same for all rays to one target.
+        least, size = 0, np.inf
+        for c in range(3):
+            far = abs(wanted[n, c] if at_infinity else wanted[n, c] - eye[c])
+            if far < size:
+                least, size = c, far
+        a, b = (least + 1) % 3, (least + 2) % 3
+        across = np.sqrt(to[a] * to[a] + to[b] * to[b])
+        axes[n, 0, least], axes[n, 0, a], axes[n, 0, b] = 0.0, to[b] / across, -to[a] / across
+        for c in range(3):
+            i, j = (c + 1) % 3, (c + 2) % 3
+            axes[n, 1, c] = to[i] * axes[n, 0, j] - to[j] * axes[n, 0, i]
+        reach[n] = 0.0 if at_infinity else along / length
+        if along > 0.0:
+            for k in range(2):
+                missed[n, k] = (axes[n, k, 0] * directions[n, 0] + axes[n, k, 1] * directions[n, 1]
+                                + axes[n, k, 2] * directions[n, 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def newton_steps(missed: Array, axes: Array, reach: Array, by_points: Array, by_directions: Array, longest: float,
+                 steps: Array) -> None:
+    """Steps (n, 2) of Newton, no longer than `longest`; where the derivatives fail, steps stay as they are.
+
+    The misses s·d along the axes s change by s·(∂d + (d·τ)·∂P/|T − P|).
+    """
+    slopes = np.empty((2, 2))
+    for n in range(missed.shape[0]):
+        for k in range(2):
+            for i in range(2):
+                slopes[k, i] = 0.0
+                for c in range(3):
+                    slopes[k, i] += axes[n, k, c] * (by_directions[n, i, c] + reach[n] * by_points[n, i, c])
+        determinant = slopes[0, 0] * slopes[1, 1] - slopes[0, 1] * slopes[1, 0]
+        x = (slopes[0, 1] * missed[n, 1] - slopes[1, 1] * missed[n, 0]) / determinant
+        y = (slopes[1, 0] * missed[n, 0] - slopes[0, 0] * missed[n, 1]) / determinant
+        length = np.hypot(x, y)
+        if length < np.inf:
+            shorter = longest / length if length > longest else 1.0
+            steps[n, 0], steps[n, 1] = shorter * x, shorter * y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def nearest_rays(wanted: Array, at_infinity: bool, points: Array, directions: Array, nearest: NDArray[np.intp]) -> None:
+    """Which of m rays, from points (m, 3) in unit directions (m, 3), goes most nearly towards each target: nearest (n,)."""
+    for n in range(wanted.shape[0]):
+        best, nearest[n] = -np.inf, 0
+        for m in range(points.shape[0]):
+            x, y, z = wanted[n, 0], wanted[n, 1], wanted[n, 2]
+            if not at_infinity:
+                x, y, z = x - points[m, 0], y - points[m, 1], z - points[m, 2]
+            along = x * directions[m, 0] + y * directions[m, 1] + z * directions[m, 2]
+            if not at_infinity:
+                along /= np.sqrt(x * x + y * y + z * z)
+            if along > best:
+                best, nearest[n] = along, m

@@ -1,0 +1,144 @@
+"""Where a mirror shows points of the world, and directions of what is far away: Newton on exact rays."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.kernels import image_points as kernel
+from raytrace.parallel import parallel_for
+from raytrace.trace import reflect
+from raytrace.viewing.view import TracedRays, View
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# An image point is found when its reflected ray passes the target by less: far above rounding, and 2e-5″. Newton goes on to
+# SETTLED, or until no step betters it, so that what is found does not hang on how it was found.
+PASSES_BY = 1e-10
+SETTLED = 1e-13  # radians: a few roundings of a direction
+MAX_STEPS = 40
+SMALLEST_STEP = 1e-12  # of the mirror's width
+LONGEST_STEP = 0.25  # of the mirror's width
+START_GRID = 33  # rays a direction
+BEYOND = 0.1  # of the box, on every side: what Newton may start from beside the mirror
+# Of what is followed from near by: rays that facets turn in steps of as much are the nearest that there are.
+FOLLOWED_BY = 0.02
+MAX_FOLLOWING_STEPS = 12
+
+
+def image_points(view: View, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
+    """Find the points of the picture plane at which the mirror shows points of the world, or infinitely far directions.
+
+    The eye's ray through such a point is reflected through the target: by Newton, with one ray a step and its differentials,
+    from the nearest of a grid of rays. Where a mirror shows a target more than once, one of them is found
+    (`raytrace.visibility.orientation`). What stands between mirror and target is not looked at.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    targets : (n, 3), mm, in vehicle coordinates; or directions of any length.
+    at_infinity : whether they are directions.
+
+    Returns
+    -------
+    points : (n, 2), mm, of the picture plane; NaN where the sheet shows the target nowhere.
+    shown : (n,), whether the mirror itself does, inside its outline.
+
+    References
+    ----------
+    docs/derivations/what-the-eye-sees.md
+    """
+    found, shown = np.full((len(targets), 2), np.nan), np.zeros(len(targets), dtype=np.bool_)
+    if len(targets) == 0:
+        return found, shown
+    wanted = targets / np.linalg.norm(targets, axis=1, keepdims=True) if at_infinity else targets
+    at, _, passes = _solve(view.untrimmed, _nearest(view, wanted, at_infinity), wanted, at_infinity, MAX_STEPS)
+    index = np.flatnonzero(passes <= PASSES_BY)
+    found[index] = at[index]
+    shown[index] = view.trace_places(found[index]).seen
+    return found, shown
+
+
+def follow_image_points(view: View, starts: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:
+    """Find image points of targets from points near them, by the same Newton.
+
+    A mirror that shows nothing beyond its edge is followed as far as it goes, and one of facets to the nearest that they show.
+
+    Parameters
+    ----------
+    view : asked as it is, trimmed or not.
+    starts : (n, 2), mm, of the picture plane.
+    targets, at_infinity : as in `image_points`; directions are units.
+
+    Returns
+    -------
+    points : (n, 2), mm, of the picture plane; NaN where nothing near is shown.
+    leaving : (n, 3), mm, where their rays leave the mirror, in vehicle coordinates.
+    """
+    at, leaving, passes = _solve(view, starts, targets, at_infinity, MAX_FOLLOWING_STEPS)
+    lost = ~(passes < FOLLOWED_BY)
+    at[lost], leaving[lost] = np.nan, np.nan
+    return at, leaving
+
+
+def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_steps: int) -> tuple[Array, Array, Array]:
+    """The best points (n, 2) that Newton reaches, where their rays leave (n, 3), and by what angles they pass (n,)."""
+    n, size, eye, reflector = len(starts), view.box[1] - view.box[0], view.eye_in_mirror, view.reflector
+    wanted = np.ascontiguousarray(view.pose.directions_to_mirror(targets) if at_infinity else view.pose.to_mirror(targets))
+    best, kept, leaving, step = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan), np.zeros((n, 2))
+    going, at = np.arange(n), starts  # of the rays that are still going: their targets, and where they are
+    for _ in range(max_steps):
+        m = len(going)
+        if m == 0:
+            break
+        rays, turns, missed = np.empty((m, 3)), np.empty((m, 2, 3)), np.empty((m, 2))
+        axes, reach = np.empty((m, 2, 3)), np.empty(m)
+        kernel.rays_through(eye, at, rays, turns)
+        trace = reflect(reflector, eye, rays)
+        kernel.misses(eye, wanted[going], at_infinity, trace.points, trace.directions, missed, axes, reach)
+        now = np.sqrt(np.einsum("ij,ij->i", missed, missed))
+        before = best[going]
+        better = now < before  # not where it is NaN
+        ahead = going[better]
+        best[ahead], kept[ahead], leaving[ahead] = now[better], at[better], trace.points[better]
+        settled = np.where(better, now <= SETTLED, before <= PASSES_BY)
+        moves = 0.5 * step[going]  # not better: half the step before, from the best
+        moved = better & ~settled
+        if moved.any():
+            part = slice(None) if moved.all() else moved
+            along = moves[part]
+            kernel.newton_steps(missed[part], axes[part], reach[part], *reflector.surface.ray_differentials(
+                eye, rays[part], turns[part], trace.points[part], trace.directions[part]), LONGEST_STEP * size, along)
+            moves[part] = along
+        on = ~settled & (np.abs(moves).max(axis=1) > SMALLEST_STEP * size)
+        going, moves = going[on], moves[on]
+        step[going], at = moves, kept[going] + moves
+    return kept, view.pose.to_vehicle(leaving), best
+
+
+@lru_cache(maxsize=8)
+def _start_rays(view: View) -> tuple[Array, TracedRays]:
+    """Points (m, 2) of a grid over the mirror and beside it, those that the sheet reflects at, and their rays."""
+    x_min, x_max, y_min, y_max = view.box
+    more_x, more_y = BEYOND * (x_max - x_min), BEYOND * (y_max - y_min)
+    x, y = np.meshgrid(np.linspace(x_min - more_x, x_max + more_x, START_GRID),
+                       np.linspace(y_min - more_y, y_max + more_y, START_GRID))
+    starts = view.places_of(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1))
+    traced = view.untrimmed.trace_places(starts)
+    seen = traced.seen
+    return starts[seen], TracedRays(traced.status[seen], traced.points[seen], traced.directions[seen], traced.on_mirror[seen])
+
+
+def _nearest(view: View, targets: Array, at_infinity: bool) -> Array:
+    """The points (n, 2) of the grid whose rays pass nearest to targets (n, 3), or leave most nearly along unit directions
+    (n, 3); NaN where the mirror reflects nothing."""
+    starts, first = _start_rays(view)
+    if len(starts) == 0:
+        return np.full((len(targets), 2), np.nan)
+    index = np.empty(len(targets), dtype=np.intp)
+    parallel_for(lambda i, j: kernel.nearest_rays(targets[i:j], at_infinity, first.points, first.directions, index[i:j]),
+                 len(targets))
+    return starts[index]
