@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.designed import DesignedCurvature
-from mirror_cad.deviation import CurvatureDeviation, compare_stages
+from mirror_cad.deviation import Deviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
 from mirror_cad.laws import CurvatureLaw, Law, Span
 from mirror_cad.laws.curvature import smooth_extrapolation
@@ -176,7 +176,7 @@ class Mirror:
         d = self.surface.derivatives(x[inside], y[inside])
         return np.hstack([d["s"], normals(d["u"], d["v"])])
 
-    def deviation(self, read_back: BSplineSurface | None = None, stl: SurfaceMesh | None = None) -> CurvatureDeviation:
+    def deviation(self, read_back: BSplineSurface | None = None, stl: SurfaceMesh | None = None) -> Deviation:
         """Realised against designed curvature, stage by stage, on the optical face as read back from STEP (and STL).
 
         Without files given, they are written to a temporary folder and read back here.

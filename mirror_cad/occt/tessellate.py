@@ -1,4 +1,4 @@
-"""A shape and a deflection in, triangles and STL files out; STL files in, triangles out."""
+"""Triangulation of shapes, and STL files written and read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
 from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
 from OCP.RWStl import RWStl
-from OCP.StlAPI import StlAPI_Writer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
@@ -55,15 +54,6 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
     if face.Orientation().name == "TopAbs_REVERSED":
         faces = faces[:, ::-1].copy()
     return SurfaceMesh(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]), faces)
-
-
-def write_stl(path: Path, shape: TopoDS_Shape, deflection_mm: float) -> None:
-    """Write a shape as binary STL, meshed by `triangulate`. Raises: WriteError where it cannot be written."""
-    triangulate(shape, deflection_mm)
-    writer = StlAPI_Writer()
-    writer.ASCIIMode = False
-    if not writer.Write(shape, str(path)):
-        raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
 
 def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
