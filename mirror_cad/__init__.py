@@ -1,4 +1,4 @@
-"""Freeform reflectors as geometry: a curvature law in, a B-spline surface, a solid and its files out.
+"""Freeform reflectors as geometry: curvature laws, B-spline surfaces, solids and their files.
 
     import mirror_cad as mc
 

@@ -1,4 +1,4 @@
-"""An outline in, the places at which the mirror inside it is looked at out."""
+"""The points inside an outline at which a mirror is evaluated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a STEP file in, what is wrong with its statements out: what no kernel should have to trip over.
+"""Find what is wrong with the statements of a STEP file, so that no kernel has to trip over it.
 
 Only what a face rests on is judged, by ISO 10303-42: points, curves, surfaces, edges, loops, faces, shells. What programs
 leave open elsewhere (colours, properties, drawings) does no harm here.

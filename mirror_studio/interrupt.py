@@ -1,4 +1,4 @@
-"""Ctrl-C and a polite request to end in, one way to end out, also while libraries load. Imports next to nothing."""
+"""End in one and the same manner on Ctrl-C and on a polite request, also while libraries load. Imports next to nothing."""
 
 from __future__ import annotations
 

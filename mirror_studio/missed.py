@@ -1,4 +1,4 @@
-"""Requirements in, what of them is not met in words out: with the digits that show the miss."""
+"""Say in words which requirements are not met, with the digits that show the miss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene's name or a TOML file in metres in, a SceneFile out: who looks into which mirror of which vehicle, on what road."""
+"""Read a scene, a name or a TOML file in metres: who looks into which mirror of which vehicle, on what road."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sag on a regular grid in, the kernel's own interpolating or approximating B-spline surface out."""
+"""Fit a B-spline surface to sag on a regular grid by the kernel's own interpolation or approximation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A face on a surface for which the kernel has no true B-spline in; a quadric or B-spline over all of the face out.
+"""Replace the surface of a face that the kernel has no true B-spline for by a quadric or a B-spline over all of the face.
 
 What the kernel's own conversion makes of an offset surface may end before the face does, or fail. Here an offset of a plane,
 cylinder or sphere becomes the one that it is; any other surface a B-spline through its own points, in its own parameters,

@@ -1,4 +1,4 @@
-"""Curves in a face's parameters in, polygons within a share of the face's size of them out.
+"""Approximate curves in a face's parameters by polygons, within a share of the face's size.
 
 Arcs and splines are evaluated all at once; the kernel, which takes a microsecond a point, evaluates what is neither.
 """

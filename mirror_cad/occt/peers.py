@@ -1,4 +1,4 @@
-"""Point grids, solids and our surfaces in, what OCCT, build123d and cadquery themselves make of them out: for comparison."""
+"""What OCCT, build123d and cadquery themselves make of point grids, solids and our surfaces: for comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Front, back and outline of a plate in, a closed triangle mesh within a deflection of it out.
+"""Mesh a plate by closed triangles within a deflection of its front, back and rim.
 
 The kernel's mesher takes a deflection as advice: on faces that are straight one way, or whose curvature changes sign, it
 leaves facets several times off however fine a mesh is asked for, and at times does not end. So both faces are triangulated

@@ -1,4 +1,4 @@
-"""The path of a CAD file in; its faces, with what they are called and as plain arrays, out: what the child process runs.
+"""Read the faces of a CAD file as plain arrays, with what they are called: what the child process runs.
 
 Nothing here returns more than numbers, texts and arrays (`mirror_cad.cad_file` makes records of them), and nothing imports
 numba, so that the child is ready in half of the time.

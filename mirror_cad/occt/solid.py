@@ -1,4 +1,4 @@
-"""Surface, outline and thickness in, the trimmed optical face and the plate behind or before it out."""
+"""The trimmed optical face, and the plate behind or before it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nodes in the plane, the first of them a closed loop, in; the Delaunay triangles inside the loop, with its edges, out."""
+"""Delaunay triangulation of nodes inside a closed loop, which keeps the edges of the loop."""
 
 from __future__ import annotations
 

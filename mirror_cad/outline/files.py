@@ -1,4 +1,4 @@
-"""A DXF or SVG file in, the mirror's outline drawn in it out: its pieces chained into one closed loop."""
+"""Read a mirror's outline from a DXF or SVG file, chaining its pieces into one closed loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Segments in, the mirror's outline out: one closed plane curve.
+"""A mirror's outline: one closed plane curve of segments.
 
 Coordinates are mirror coordinates in millimetres, x to the right and y up as one looks at the reflecting face. An
 `Outline` runs counter-clockwise. Segments are exact; only `Outline.polyline` and `Outline.contains` work on straight

@@ -1,4 +1,4 @@
-"""An SVG file in, the pieces that a viewer would draw of it out: groups, uses, switches, clips that cut nothing."""
+"""The pieces of an SVG file that a viewer would draw: groups, uses, switches, clips that cut nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Derivatives of a surface in, normals, shape operator and principal curvatures out."""
+"""Normals, shape operator and principal curvatures of a surface, from its derivatives."""
 
 from __future__ import annotations
 

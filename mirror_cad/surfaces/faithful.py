@@ -1,4 +1,4 @@
-"""Curvature laws and the decoupled surface in, the height field whose shape operator comes closest to the laws out."""
+"""The height field whose shape operator comes closest to both curvature laws, in least squares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sag function in, a B-spline surface with u = x, v = y and the error it reached out."""
+"""Fit a B-spline surface with u = x, v = y to a sag function, and measure the error it reaches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Callable with breaks in, piecewise Chebyshev series out: evaluated, differentiated, integrated to rounding error."""
+"""Piecewise Chebyshev series of a function with breaks: evaluated, differentiated, integrated to rounding error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Presets and a torus in, what the closest surface reaches and costs over its spans, beside the decoupled one, out."""
+"""What the closest surface reaches and costs over its spans, beside the decoupled one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables in, their files out: Markdown, JSON, PNG, and one page of it all."""
+"""Write the tables of the benchmark: Markdown, JSON, PNG, and one page of it all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of parts in, a folder with the benchmark's tables, plots and page out."""
+"""Run parts of the benchmark and write a folder with its tables, plots and page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A preset's plate in, the triangles, time and errors of its STL at each deflection out, with the CAD libraries' defaults."""
+"""Triangles, time and errors of a plate's STL at each deflection, beside the CAD libraries' defaults."""
 
 from __future__ import annotations
 

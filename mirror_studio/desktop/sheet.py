@@ -1,4 +1,4 @@
-"""A surface inside its trimming loops in, triangles with exact normals and curvatures at their corners out."""
+"""Triangulate a surface inside its trimming loops, with exact normals and curvatures at the corners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A preset's name, a specification or a STEP file in; the mirror's sheet and the fan of rays from the eye out."""
+"""What the window shows: a mirror's sheet, and the fan of rays from the eye."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured mirrors in, maps over the mirror and lines in it out, as PNG files."""
+"""Draw maps over mirrors and lines seen in them, as PNG files."""
 
 from __future__ import annotations
 

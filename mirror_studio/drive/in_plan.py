@@ -1,4 +1,4 @@
-"""Bodies and the ground that is seen in, their lines in plan out."""
+"""Lines in plan of bodies and of the ground that is seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror on the vehicle in its scene in, all that a designer decides by out: records to draw, and figures as JSON."""
+"""Measure all that a designer decides by, of a mirror on the vehicle in its scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror on the vehicle and the lit world in, what each of the driver's eyes sees of it out."""
+"""Draw what each of the driver's eyes sees in a mirror on the vehicle, in the lit world."""
 
 from __future__ import annotations
 

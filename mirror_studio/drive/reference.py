@@ -1,4 +1,4 @@
-"""A scene in, a pinhole camera's picture of it from the mirror's place out: a reference plane for the paper's set-up."""
+"""Photograph a scene from the mirror's position: a reference plane for the paper's set-up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mirrors and a scene in, a set of files out: what the driver sees in each, all measures, drawings, and a sheet of it all."""
+"""Make the files of mirrors in a scene: what the driver sees, all measures, drawings, and a sheet of it all."""
 
 from __future__ import annotations
 

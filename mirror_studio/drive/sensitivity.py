@@ -1,4 +1,4 @@
-"""A mirror on the vehicle in, what its figures become when it is turned a little, or made a little flatter, out."""
+"""How a mirror's figures change when it is turned a little, or made a little flatter."""
 
 from __future__ import annotations
 

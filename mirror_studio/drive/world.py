@@ -1,4 +1,4 @@
-"""A scene file in, the lit world around the vehicle, the eyes and the vehicle itself out, in mm."""
+"""The lit world around the vehicle, the eyes and the vehicle itself, in mm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror and its optical face as read back in, three cuts each way with their curvatures out."""
+"""Cut a mirror three times along x and y, with the curvatures along each cut."""
 
 from __future__ import annotations
 

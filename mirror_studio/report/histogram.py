@@ -1,4 +1,4 @@
-"""Deviations over the mirror in, how much of its area has how much of them out: figures and a drawing."""
+"""How much of a mirror's area has how much deviation: figures and a drawing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields over the mirror and its outline in, maps of them as PNG out."""
+"""Draw fields over the mirror as maps within its outline, as PNG."""
 
 from __future__ import annotations
 

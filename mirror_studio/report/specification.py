@@ -1,4 +1,4 @@
-"""A specification in, the keys that the mirror was made by and their values out, as a report lists them."""
+"""The keys that a mirror was made by and their values, as a report lists them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers and specification sections in, text a reader can read out; and the templates that text goes into."""
+"""Numbers and specification sections as text that a reader can read; and the templates that text goes into."""
 
 from __future__ import annotations
 

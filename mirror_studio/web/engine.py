@@ -1,4 +1,4 @@
-"""A specification and how it is looked at in; pictures, maps and figures out: all from `mirror_cad` and `raytrace`."""
+"""Pictures, maps and figures of a design for the page: all from `mirror_cad` and `raytrace`."""
 
 from __future__ import annotations
 

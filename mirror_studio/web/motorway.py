@@ -1,4 +1,4 @@
-"""A design and where the page wants it on the vehicle in; the built-in motorway, made once, and the mirror aimed there, out."""
+"""The built-in motorway, made once, and a mirror aimed there where the page wants it on the vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What page and server say to each other: text in, checked messages out; figures and arrays in, one binary message out."""
+"""The messages of page and server: checked when they come in; figures and arrays go out as one binary message."""
 
 from __future__ import annotations
 

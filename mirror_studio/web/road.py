@@ -1,4 +1,4 @@
-"""A specification and how it is looked at in; the road as seen in the mirror on a vehicle, and the ground it shows, out."""
+"""The road as seen in a mirror on a vehicle, and the ground it shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Specifications as the page holds them in, checked ones and TOML out, and back; the presets; the controls of the page."""
+"""Specifications as the page holds them, to checked ones and TOML and back; the presets; the controls of the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror turned about its centre in; the eye as that mirror has it, and the scene as its rays meet it, out."""
+"""The eye and the scene in the frame of a mirror that is turned about its centre."""
 
 from __future__ import annotations
 

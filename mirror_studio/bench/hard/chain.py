@@ -1,4 +1,4 @@
-"""A specification in, its mirror through the whole chain out: files, both read back, and the deviation.
+"""One mirror through the whole chain: files, both read back, and the deviation.
 
 The surface of the STEP file is taken from its text and evaluated by scipy.
 """

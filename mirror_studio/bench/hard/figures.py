@@ -1,4 +1,4 @@
-"""A mirror's files and its sheet in, figures out: surface, facets, thickness, rays, and the report's own verdict.
+"""Figures of a hard case: surface, facets, thickness, rays, and the report's verdict.
 
 The STL file is read as bare bytes.
 """

@@ -1,4 +1,4 @@
-"""A mirror in, rays aimed at known places of it and their exact reflections out; and meshes of it for the peers.
+"""Rays aimed at known points of a mirror and their exact reflections; and meshes of it for the peers.
 
 A ray is aimed at a place of the surface, so its hit is known before anything is traced. Places and slopes come from scipy's
 splines in float64; nothing of the tracer or of its kernels is used.

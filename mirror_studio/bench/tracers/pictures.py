@@ -1,4 +1,4 @@
-"""A mirror and a scene in, the work of one whole picture out: ours and Mitsuba's, one ray a pixel, from the same frame."""
+"""One whole picture as work to be timed: ours and Mitsuba's, one ray a pixel, from the same frame."""
 
 from __future__ import annotations
 

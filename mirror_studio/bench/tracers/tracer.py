@@ -1,4 +1,4 @@
-"""What a tracer of the benchmark is: rays and the mirror's case in, work to be timed out; or why it is absent."""
+"""The interface of a tracer in the benchmark: the work to be timed, or why it is absent."""
 
 from __future__ import annotations
 
