@@ -35,7 +35,7 @@ from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, e
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.surfaces import fit as fitting
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
+from mirror_cad.surfaces.faithful import RESIDUAL_CONTINUITY, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
 from mirror_cad.surfaces.offset import offset_surface
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
@@ -261,7 +261,7 @@ def design(spec: MirrorSpec) -> Mirror:
 
 
 class _Laws(NamedTuple):
-    """Both laws over the mirror, the vertical one eased beyond it; where θ = 0; what `match` was solved for."""
+    """Both laws over the mirror, the vertical one extrapolated smoothly beyond it; where θ = 0; what `match` was solved for."""
 
     horizontal: CurvatureLaw
     vertical: CurvatureLaw
@@ -298,7 +298,7 @@ def _laws(spec: MirrorSpec, box: Box) -> _Laws:
     vertical = _law(spec.vertical, span)
     check_profile(sine_of_tangent_angle(_series(horizontal, min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
-    vertical = _eased(vertical, x_min, x_max, 1.0 / max(abs(y_min), abs(y_max)))
+    vertical = _extrapolated(vertical, x_min, x_max, 1.0 / max(abs(y_min), abs(y_max)))
     return _Laws(horizontal, vertical, level_mm, matched)
 
 
@@ -330,7 +330,7 @@ def _decoupled(spec: MirrorSpec, laws: _Laws, series: _Series) -> tuple[Designed
 
 def _faithful(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, exact: DecoupledSag, domain: Box,
               breaks: Breaks) -> _Model:
-    continuity = fitting.orders_at_breaks(*breaks, REST_GAINED, domain[1] - domain[0])
+    continuity = fitting.orders_at_breaks(*breaks, RESIDUAL_CONTINUITY, domain[1] - domain[0])
     found = closest_surface(designed, outline, exact, domain, continuity, spec.surface.degree, spec.surface.spans)
     return _Model(found.sag, found.sag, found)
 
@@ -338,11 +338,11 @@ def _faithful(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, e
 def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, model: _Model, domain: Box,
             breaks: Breaks) -> Fit:
     surface, faithful, rms = spec.surface, model.faithful, designed.rms(outline)
-    gained, ends, degree = fitting.DECOUPLED_GAINED, None, surface.degree
+    continuity, ends, degree = fitting.DECOUPLED_CONTINUITY, None, surface.degree
     if faithful is not None:
-        gained, ends, degree = fitting.FAITHFUL_GAINED, faithful.ends, faithful.degree
+        continuity, ends, degree = fitting.FAITHFUL_CONTINUITY, faithful.ends, faithful.degree
     task = FitTask(model.integrated, domain, outline.bounding_box(),
-                   fitting.orders_at_breaks(*breaks, gained, domain[1] - domain[0]),
+                   fitting.orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
                    lambda x: designed.percent_of(x, rms), surface.position_tolerance_mm,
                    surface.curvature_tolerance_percent, ends)
     if surface.fit == "collocation":
@@ -355,7 +355,7 @@ def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, mod
 # Most changes to a design leave its outline and one of its laws alone: what they give is kept. All of it is frozen.
 _truck_outline = lru_cache(maxsize=8)(truck_outline)
 _solved = lru_cache(maxsize=8)(solve_match)
-_eased = lru_cache(maxsize=8)(smooth_extrapolation)
+_extrapolated = lru_cache(maxsize=8)(smooth_extrapolation)
 _series = lru_cache(maxsize=32)(CurvatureLaw.series)
 
 

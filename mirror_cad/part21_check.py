@@ -171,15 +171,15 @@ def _of_knots(number: str, name: str, shape: re.Match[str]) -> Iterator[str]:
     """A B-spline of degree p with n poles has n + p + 1 knots, none more than p + 1 times, in rising order."""
     arguments = shape.groups()
     if name == "B_SPLINE_CURVE_WITH_KNOTS":
-        ways = [("", arguments[1], arguments[2].count("#"), arguments[6], arguments[7])]
+        directions = [("", arguments[1], arguments[2].count("#"), arguments[6], arguments[7])]
     else:
         rows = [row.count("#") for row in arguments[3][1:-1].split("),(")]
         if len(set(rows)) != 1:
             yield f"#{number} ({name}): its rows have {min(rows)} to {max(rows)} points: all must have as many"
             return
-        ways = [(" in u", arguments[1], len(rows), arguments[8], arguments[10]),
+        directions = [(" in u", arguments[1], len(rows), arguments[8], arguments[10]),
                 (" in v", arguments[2], rows[0], arguments[9], arguments[11])]
-    for where, degree_text, poles, times_text, knots_text in ways:
+    for where, degree_text, poles, times_text, knots_text in directions:
         degree = int(degree_text)
         times, knots = [int(t) for t in times_text[1:-1].split(",")], [float(t) for t in knots_text[1:-1].split(",")]
         if degree < 1 or poles < degree + 1:

@@ -20,7 +20,7 @@ MAX_POINTS = 72
 
 
 def fit_by_kernel(task: FitTask, route: str) -> Fit:
-    """GeomAPI_PointsToBSplineSurface through (or near) MOST_POINTS² heights, on u = x, v = y.
+    """GeomAPI_PointsToBSplineSurface through (or near) MAX_POINTS² heights, on u = x, v = y.
 
     route : "occt-interpolate" (cubic, C²) or "occt-approximate" (degree up to 8, C², to the position tolerance).
     The error is measured off the nodes like any other fit's, since the kernel's IsDone() sees neither NaN nor dents.

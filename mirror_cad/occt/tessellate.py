@@ -87,7 +87,7 @@ def read_stl(path: Path) -> SurfaceMesh:
         raise FileError(f"{path}: no such file")
     corners = _binary_corners(path)
     if corners is not None:
-        rows = np.ascontiguousarray(corners.reshape(-1, 3) + np.float32(0.0))  # −0 and 0 are one place
+        rows = np.ascontiguousarray(corners.reshape(-1, 3) + np.float32(0.0))  # −0 and 0 are one point
         _, first, index = np.unique(rows.view("V12").ravel(), return_index=True, return_inverse=True)
         return SurfaceMesh(rows[first].astype(np.float64), index.reshape(-1, 3).astype(np.int32))
     triangulation = RWStl.ReadFile_s(str(path))

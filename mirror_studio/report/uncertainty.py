@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.designed import FLOOR, DesignedCurvature
 from mirror_cad.deviation import QUANTITIES, Deviation
-from mirror_cad.grid import EDGE_PLACES, GRID, Grid
+from mirror_cad.grid import EDGE_POINTS, GRID, Grid
 from mirror_cad.mirror import Mirror
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.surfaces.bspline import BSplineSurface
@@ -21,7 +21,7 @@ from mirror_studio.report.tables import Table
 Array = NDArray[np.float64]
 
 FINER = (2 * GRID[0] - 1, 2 * GRID[1] - 1)  # cells: as near to twice as many as an odd number gets
-FINER_EDGE_PLACES = 2 * EDGE_PLACES
+FINER_EDGE_POINTS = 2 * EDGE_POINTS
 GAUSS_NODES = 32  # on each piece of the profile: exact for polynomials of degree 63, where the series have 24
 
 
@@ -62,7 +62,7 @@ def uncertainty(mirror: Mirror, deviation: Deviation, surface: BSplineSurface, f
     """Of a deviation that was taken on `surface`, the optical face as read back (u = x, v = y)."""
     grid, curvature = deviation.grid, mirror.curvature
     rms = rms_norm(deviation.designed, grid.weights)
-    finer = Grid.over(mirror.outline, FINER, FINER_EDGE_PLACES)
+    finer = Grid.over(mirror.outline, FINER, FINER_EDGE_POINTS)
     largest = _largest(_shape(surface, finer), curvature, finer, rms, fields.unit)
     again = _shape(surface, grid)
     rounding = max(float(np.abs(a - b).max()) for a, b in zip(again, deviation.realised, strict=True))
