@@ -126,7 +126,8 @@ class Mirror:
 
     def export_step(self, path: str | Path) -> None:
         """Write the plate as AP242 STEP, the optical face named and coloured; of glass that reflects from its back the
-        front face is named too. Raises: WriteError, SolidError."""
+        front face is named too. Raises: WriteError, SolidError.
+        """
         from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
 
         name, faces = self.spec.name, {OPTICAL_FACE: self.plate.optical}

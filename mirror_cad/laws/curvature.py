@@ -72,7 +72,6 @@ class CurvatureLaw:
         SpecError
             Where κ is not finite or above LARGEST_CURVATURE, with the point.
         """
-
         from mirror_cad.surfaces.piecewise import (
             approximate,  # compiled: loaded where a law is worked with, not where one is read
         )

@@ -92,7 +92,8 @@ def solve_match(law: Law, eye_distance_mm: float, span: Span, x_min: float, x_ma
 
 def _root(miss: Callable[[float], float], roughly: Callable[[float], float], low: float, high: float) -> float | None:
     """The root of `miss` between low and high: secant steps from the rough function's root, or Brent's method; None where
-    there is none after all."""
+    there is none after all.
+    """
     if roughly(low) * roughly(high) < 0:
         before = float(brentq(roughly, low, high, xtol=ROUGH_ROOT))
         step = 1e-3 * (low - high)

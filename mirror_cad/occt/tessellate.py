@@ -82,7 +82,8 @@ def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
 
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of a binary or ASCII STL file, equal corners as one vertex. Raises: FileError for one that holds none, or
-    corners that are not finite."""
+    corners that are not finite.
+    """
     if not path.is_file():
         raise FileError(f"{path}: no such file")
     corners = _binary_corners(path)

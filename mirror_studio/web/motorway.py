@@ -118,7 +118,8 @@ def surroundings(made: World) -> dict[str, Any]:
 @dataclass(frozen=True, eq=False)
 class Ground:
     """Outlines of the ground that the left eye, the right eye and both see, (n, 2) of (X, Y) in m with rows of NaN between
-    them, and the figures of the ground."""
+    them, and the figures of the ground.
+    """
 
     outlines: dict[str, Array]
     figures: dict[str, Any]

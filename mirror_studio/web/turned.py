@@ -95,7 +95,8 @@ class TurnedLane(StraightLane):
 
 def aimed(point: Array, normal: Array, place: Array, eye: Array, direction: Array) -> Turn:
     """The turn that puts a mirror's `point` (3,) at `place`, with its `normal` there such that it sends the eye's ray into
-    `direction`; all but point and normal in the scene."""
+    `direction`; all but point and normal in the scene.
+    """
     ray = place - eye
     ray = ray / np.linalg.norm(ray)
     wanted = direction / np.linalg.norm(direction) - ray

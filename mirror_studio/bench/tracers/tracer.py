@@ -35,7 +35,8 @@ class AbsentError(Exception):
 class Tracer:
     """name : as the tables have it.   prepare : makes the work for rays; casting them to what the tracer takes is not timed.
 
-    most : rays that it is given at most; more would take too long.   note : what its rows say beside the figures."""
+    most : rays that it is given at most; more would take too long.   note : what its rows say beside the figures.
+    """
 
     name: str
     prepare: Callable[[Rays], Work]
