@@ -1,11 +1,11 @@
-"""Freeform reflectors as geometry: a curvature law in, a B-spline surface, a solid and its files out.
+"""Freeform reflectors as geometry: curvature laws, B-spline surfaces, solids and their files.
 
-    import mirror_cad as mc
+import mirror_cad as mc
 
-    spec = mc.MirrorSpec(horizontal=mc.laws.Zones(right_mm=1250, left_mm=400, blend_from=0.59),
-                         vertical=mc.laws.Linear(right_mm=1250, left_mm=1350))
-    mirror = mc.design(spec)
-    mirror.surface.principal_curvatures(x, y)
+spec = mc.MirrorSpec(horizontal=mc.laws.Zones(right_mm=1250, left_mm=400, blend_from=0.59),
+vertical=mc.laws.Linear(right_mm=1250, left_mm=1350))
+mirror = mc.design(spec)
+mirror.surface.principal_curvatures(x, y)
 """
 
 from __future__ import annotations

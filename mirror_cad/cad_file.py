@@ -1,4 +1,4 @@
-"""The path of a CAD file in; its faces, with what they are called, and their shapes as plain records out.
+"""The faces of a CAD file as plain records, with what they are called and their shapes.
 
 STEP (.step, .stp), IGES (.iges, .igs) and BREP (.brep, .brp) files are read by the kernel in a child process: a damaged file
 ends that alone. What our own reader of STEP's text finds wrong is said in its words, before the kernel's fall.

@@ -1,4 +1,4 @@
-"""The two curvature laws as series in, the shape operator that is asked for and what counts as 100 % of it out."""
+"""The designed shape operator of a mirror, and what counts as 100 % of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An outline in, the places at which the mirror inside it is looked at out."""
+"""The points inside an outline at which a mirror is evaluated."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 
 # Cells of the evaluation grid: odd numbers, so that their centres meet no knot of a regular subdivision.
 GRID = (211, 311)
-# Places on the outline, shared out over its segments by length: a largest value on the edge is not missed by half a
+# Points on the outline, shared out over its segments by length: a largest value on the edge is not missed by half a
 # cell, and the ends of the segments, where it often is, are among them.
-EDGE_PLACES = 2000
+EDGE_POINTS = 2000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
-    """Where the trimmed mirror is looked at: cell centres inside the outline, then places on its edge.
+    """Where the trimmed mirror is evaluated: cell centres inside the outline, then points on its edge.
 
     x, y : (n,).   weights : (n,) 1 inside, 0 on the edge (which counts for largest values only).
     cells_x, cells_y, inside : the grid as a rectangle, for maps.
@@ -37,14 +37,14 @@ class Grid:
 
     @staticmethod
     @lru_cache(maxsize=4)  # a design, its deviation and its plate look at one outline; an outline never changes
-    def over(outline: Outline, cells: tuple[int, int] = GRID, edge_places: int = EDGE_PLACES) -> Grid:
+    def over(outline: Outline, cells: tuple[int, int] = GRID, edge_points: int = EDGE_POINTS) -> Grid:
         x_min, x_max, y_min, y_max = outline.bounding_box()
         nx, ny = cells
         cells_x = x_min + (x_max - x_min) * (np.arange(nx) + 0.5) / nx
         cells_y = y_min + (y_max - y_min) * (np.arange(ny) + 0.5) / ny
         x, y = np.meshgrid(cells_x, cells_y, indexing="ij")
         inside = outline.contains(x, y)
-        edge = _edge_places(outline, edge_places)
+        edge = _points_on_edge(outline, edge_points)
         weights = np.concatenate([np.ones(int(inside.sum())), np.zeros(len(edge))])
         arrays = (np.concatenate([x[inside], edge[:, 0]]), np.concatenate([y[inside], edge[:, 1]]), weights,
                   cells_x, cells_y, inside)
@@ -54,7 +54,7 @@ class Grid:
 
     @property
     def edge(self) -> slice:
-        """Which of the places lie on the edge."""
+        """Which of the points lie on the edge."""
         return slice(int(self.inside.sum()), len(self.x))
 
     def derivatives(self, surface: BSplineSurface) -> dict[str, Array]:
@@ -75,9 +75,9 @@ class Grid:
         return rectangle
 
 
-def _edge_places(outline: Outline, places: int) -> Array:
+def _points_on_edge(outline: Outline, points: int) -> Array:
     chords = [segment.point(np.linspace(0.0, 1.0, 17)) for segment in outline.segments]
     lengths = np.array([np.linalg.norm(np.diff(chord, axis=0), axis=1).sum() for chord in chords])
-    counts = np.ceil(places * lengths / lengths.sum()).astype(int) + 1
+    counts = np.ceil(points * lengths / lengths.sum()).astype(int) + 1
     parts = [segment.point(np.linspace(0.0, 1.0, n)) for segment, n in zip(outline.segments, counts, strict=True)]
     return np.concatenate(parts)

@@ -1,4 +1,4 @@
-"""The name of a function and its arguments in, what it returns out, worked out in a child process whose fall harms nobody.
+"""Call a function in a child process, whose fall harms nobody.
 
 For files of strangers, on which the kernel may end its process, never come back or take all memory. The child is a fresh
 interpreter, no copy of this one: that works from a script without `if __name__ == "__main__"`, from a notebook, from any

@@ -1,4 +1,4 @@
-"""The child's side of `guarded`: requests in, answers out, one after the other, for as long as its parent lives."""
+"""The child's side of `guarded`: answer one request after the other, for as long as the parent lives."""
 
 from __future__ import annotations
 

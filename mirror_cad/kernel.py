@@ -1,4 +1,4 @@
-"""The process in which the kernel reads CAD files: a path and a question in, an answer in arrays or a FileError out."""
+"""Read CAD files in a process of their own: what the kernel finds comes back as arrays or as a FileError."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class Shown:
         "$left" are its radii at the edges, also inside a text; "$x" with "$radius" or "$curvature" its samples.
     drag : str
         How a law's curve is dragged by this key: "right", "left" and "everywhere" are radii at the right edge, the left edge
-        and in the middle, "t" is a place on the axis; "" is not at all.
+        and in the middle, "t" is a point on the axis; "" is not at all.
     elsewhere : bool
         The key is changed by other means than an input of its own.
     """

@@ -1,35 +1,44 @@
-"""A specification in, a Mirror out: its surface, outline, files and deviation. The only module that knows the order."""
+"""Design a mirror from its specification, and export it. The only module that knows the order of the stages."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.designed import DesignedCurvature
-from mirror_cad.deviation import CurvatureDeviation, compare_stages
+from mirror_cad.deviation import Deviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
 from mirror_cad.laws import CurvatureLaw, Law, Span
-from mirror_cad.laws.curvature import smooth_extrapolation
+from mirror_cad.laws.curvature import Break, smooth_extrapolation
 from mirror_cad.laws.matched import with_solved
 from mirror_cad.laws.matching import solve_match
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline, truck_outline
-from mirror_cad.profile import check_profile, existing_interval, integrate_exactly, integrate_ode, sine_of_tangent_angle
+from mirror_cad.profile import (
+    Profile,
+    check_profile,
+    existing_interval,
+    integrate_exactly,
+    integrate_ode,
+    sine_of_tangent_angle,
+)
 from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.surfaces import fit as fitting
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
+from mirror_cad.surfaces.faithful import RESIDUAL_CONTINUITY, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
 from mirror_cad.surfaces.offset import offset_surface
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 
 if TYPE_CHECKING:
     import build123d
@@ -117,7 +126,8 @@ class Mirror:
 
     def export_step(self, path: str | Path) -> None:
         """Write the plate as AP242 STEP, the optical face named and coloured; of glass that reflects from its back the
-        front face is named too. Raises: WriteError, SolidError."""
+        front face is named too. Raises: WriteError, SolidError.
+        """
         from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
 
         name, faces = self.spec.name, {OPTICAL_FACE: self.plate.optical}
@@ -176,7 +186,7 @@ class Mirror:
         d = self.surface.derivatives(x[inside], y[inside])
         return np.hstack([d["s"], normals(d["u"], d["v"])])
 
-    def deviation(self, read_back: BSplineSurface | None = None, stl: SurfaceMesh | None = None) -> CurvatureDeviation:
+    def deviation(self, read_back: BSplineSurface | None = None, stl: SurfaceMesh | None = None) -> Deviation:
         """Realised against designed curvature, stage by stage, on the optical face as read back from STEP (and STL).
 
         Without files given, they are written to a temporary folder and read back here.
@@ -216,71 +226,137 @@ class Mirror:
 
 
 def design(spec: MirrorSpec) -> Mirror:
-    """Curvature laws → profile → sag → B-spline surface, with the outline it will be cut to.
+    """Design a mirror: curvature laws → profile → sag → B-spline surface, with the outline it will be cut to.
 
-    Raises: SpecError, ProfileError, OutlineError or SurfaceError for a mirror that cannot be.
+    Parameters
+    ----------
+    spec : what is asked for.
+
+    Returns
+    -------
+    The mirror; its plate and files are made when they are asked for.
+
+    Raises
+    ------
+    SpecError, ProfileError, OutlineError, SurfaceError
+        For a mirror that cannot be.
     """
     outline, read_notes = _outline(spec)
     box = outline.bounding_box()
+    laws = _laws(spec, box)
+    series, limit_notes = _series_as_far_as_it_exists(spec, laws, box)
+    designed, exact, profile = _decoupled(spec, laws, series)
+    breaks = laws.horizontal.all_breaks(series.kappa), laws.vertical.all_breaks(series.kappa_2)
+    if spec.surface.method == "decoupled":
+        half_height = max(abs(box[2]), abs(box[3]))
+        check_steps(series.kappa_2, [b.x_mm for b in breaks[1] if b.smoothness < 0], box[0], box[1], half_height)
+        model = _Model(exact, exact if profile is exact.profile else DecoupledSag(profile, series.kappa_2), None)
+    else:
+        model = _faithful(spec, outline, designed, exact, series.domain, breaks)
+    fit = _fitted(spec, outline, designed, model, series.domain, breaks)
+    return Mirror(spec, fit.surface, outline, box, designed, exact, model.exact, model.integrated, model.faithful, fit,
+                  laws.matched, (*read_notes, *_remarks(spec, box), *limit_notes))
+
+
+# --- the stages of a design ---------------------------------------------------------------------------------------
+
+
+class _Laws(NamedTuple):
+    """Both laws over the mirror, the vertical one extrapolated smoothly beyond it; where θ = 0; what `match` was solved for."""
+
+    horizontal: CurvatureLaw
+    vertical: CurvatureLaw
+    level_mm: float
+    matched: tuple[str, float] | None
+
+
+class _Series(NamedTuple):
+    """Both curvatures as series over the domain (x_min, x_max, y_min, y_max) that the surface is made on."""
+
+    kappa: PiecewiseChebyshev
+    kappa_2: PiecewiseChebyshev
+    domain: Box
+
+
+class _Model(NamedTuple):
+    """The exact surface of a method, the same with its profile as integrated, and how a faithful one was found."""
+
+    exact: Sag
+    integrated: Sag
+    faithful: Faithful | None
+
+
+Breaks = tuple[Sequence[Break], Sequence[Break]]
+
+
+def _laws(spec: MirrorSpec, box: Box) -> _Laws:
+    """Solve what is to be matched, and refuse what cannot be built within the box."""
     x_min, x_max, y_min, y_max = box
     level_mm = _level(spec, box)
     span = Span(*(spec.horizontal.span_mm or (x_min, x_max)))
     matched = _solved(spec.horizontal, spec.eye.distance_mm, span, x_min, x_max, level_mm)
     horizontal = _law(with_solved(spec.horizontal, matched), span)
     vertical = _law(spec.vertical, span)
-    half_height = max(abs(y_min), abs(y_max))
     check_profile(sine_of_tangent_angle(_series(horizontal, min(x_min, level_mm), max(x_max, level_mm)), level_mm),
                   level_mm, x_min, x_max)
-    vertical = _eased(vertical, x_min, x_max, 1.0 / half_height)
-    wanted, notes = _wanted_domain(spec, box), [*read_notes, *_remarks(spec, box)]
-    check_circles(_series(vertical, wanted[0], wanted[1]), x_min, x_max, half_height)
+    vertical = _extrapolated(vertical, x_min, x_max, 1.0 / max(abs(y_min), abs(y_max)))
+    return _Laws(horizontal, vertical, level_mm, matched)
 
-    kappa = _series(horizontal, wanted[0], wanted[1])
-    x_low, x_high = existing_interval(sine_of_tangent_angle(kappa, level_mm), level_mm, wanted[0], wanted[1])
+
+def _series_as_far_as_it_exists(spec: MirrorSpec, laws: _Laws, box: Box) -> tuple[_Series, list[str]]:
+    """The curvatures over blank and outline, or as far as the surface exists there; with a note where that is less."""
+    x_min, x_max, y_min, y_max = box
+    half_height, wanted = max(abs(y_min), abs(y_max)), _wanted_domain(spec, box)
+    check_circles(_series(laws.vertical, wanted[0], wanted[1]), x_min, x_max, half_height)
+    kappa = _series(laws.horizontal, wanted[0], wanted[1])
+    x_low, x_high = existing_interval(sine_of_tangent_angle(kappa, laws.level_mm), laws.level_mm, wanted[0], wanted[1])
     x_low, x_high = min(x_low, x_min), max(x_high, x_max)
-    kappa, kappa_2 = _series(horizontal, x_low, x_high), _series(vertical, x_low, x_high)
+    kappa, kappa_2 = _series(laws.horizontal, x_low, x_high), _series(laws.vertical, x_low, x_high)
     half = max(half_height, existing_half_height(kappa_2, x_low, x_high, max(-wanted[2], wanted[3])))
     domain = (x_low, x_high, max(wanted[2], -half), min(wanted[3], half))
-    if domain != wanted:
-        notes.append(f"the surface reaches x {domain[0]:.1f} to {domain[1]:.1f}, y {domain[2]:.1f} to {domain[3]:.1f} mm, "
-                     f"less than blank and margin ask for: beyond, it would be steeper than 80°")
-    exact_profile = integrate_exactly(sine_of_tangent_angle(kappa, level_mm), kappa)
-    surface_spec = spec.surface
-    profile = exact_profile
-    if surface_spec.integration != "quadrature":
-        profile = integrate_ode(kappa, exact_profile, surface_spec.integration, surface_spec.step_mm or 1.0)
-    exact = DecoupledSag(exact_profile, kappa_2)
-    designed = DesignedCurvature(kappa, kappa_2)
-    breaks = horizontal.all_breaks(kappa), vertical.all_breaks(kappa_2)
-    if surface_spec.method == "decoupled":
-        check_steps(kappa_2, [b.x_mm for b in breaks[1] if b.smoothness < 0], x_min, x_max, half_height)
-    degree, spans = surface_spec.degree, surface_spec.spans
-    faithful: Faithful | None = None
-    model: Sag = exact
-    integrated: Sag = exact if profile is exact_profile else DecoupledSag(profile, kappa_2)
-    width, gained, ends = domain[1] - domain[0], fitting.DECOUPLED_GAINED, None
-    if surface_spec.method == "faithful":
-        rest = fitting.orders_at_breaks(*breaks, REST_GAINED, width)
-        faithful = closest_surface(designed, outline, exact, domain, rest, degree, spans)
-        model = integrated = faithful.sag
-        gained, ends, degree = fitting.FAITHFUL_GAINED, faithful.ends, faithful.degree
-    rms = designed.rms(outline)
-    task = FitTask(integrated, domain, box, fitting.orders_at_breaks(*breaks, gained, width),
-                   lambda x: designed.percent_of(x, rms), surface_spec.position_tolerance_mm,
-                   surface_spec.curvature_tolerance_percent, ends)
-    if surface_spec.fit == "collocation":
-        fit = fitting.fit_by_collocation(task, degree, spans)
-    else:
-        from mirror_cad.occt.fit import fit_by_kernel
+    notes = [] if domain == wanted else [
+        f"the surface reaches x {domain[0]:.1f} to {domain[1]:.1f}, y {domain[2]:.1f} to {domain[3]:.1f} mm, "
+        f"less than blank and margin ask for: beyond, it would be steeper than 80°"]
+    return _Series(kappa, kappa_2, domain), notes
 
-        fit = fit_by_kernel(task, surface_spec.fit)
-    return Mirror(spec, fit.surface, outline, box, designed, exact, model, integrated, faithful, fit, matched, tuple(notes))
+
+def _decoupled(spec: MirrorSpec, laws: _Laws, series: _Series) -> tuple[DesignedCurvature, DecoupledSag, Profile]:
+    """The designed curvature, the decoupled surface on the exact profile, and the profile as it is integrated."""
+    exact = integrate_exactly(sine_of_tangent_angle(series.kappa, laws.level_mm), series.kappa)
+    profile, surface = exact, spec.surface
+    if surface.integration != "quadrature":
+        profile = integrate_ode(series.kappa, exact, surface.integration, surface.step_mm or 1.0)
+    return DesignedCurvature(series.kappa, series.kappa_2), DecoupledSag(exact, series.kappa_2), profile
+
+
+def _faithful(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, exact: DecoupledSag, domain: Box,
+              breaks: Breaks) -> _Model:
+    continuity = fitting.orders_at_breaks(*breaks, RESIDUAL_CONTINUITY, domain[1] - domain[0])
+    found = closest_surface(designed, outline, exact, domain, continuity, spec.surface.degree, spec.surface.spans)
+    return _Model(found.sag, found.sag, found)
+
+
+def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, model: _Model, domain: Box,
+            breaks: Breaks) -> Fit:
+    surface, faithful, rms = spec.surface, model.faithful, designed.rms(outline)
+    continuity, ends, degree = fitting.DECOUPLED_CONTINUITY, None, surface.degree
+    if faithful is not None:
+        continuity, ends, degree = fitting.FAITHFUL_CONTINUITY, faithful.ends, faithful.degree
+    task = FitTask(model.integrated, domain, outline.bounding_box(),
+                   fitting.orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
+                   lambda x: designed.percent_of(x, rms), surface.position_tolerance_mm,
+                   surface.curvature_tolerance_percent, ends)
+    if surface.fit == "collocation":
+        return fitting.fit_by_collocation(task, degree, surface.spans)
+    from mirror_cad.occt.fit import fit_by_kernel
+
+    return fit_by_kernel(task, surface.fit)
 
 
 # Most changes to a design leave its outline and one of its laws alone: what they give is kept. All of it is frozen.
 _truck_outline = lru_cache(maxsize=8)(truck_outline)
 _solved = lru_cache(maxsize=8)(solve_match)
-_eased = lru_cache(maxsize=8)(smooth_extrapolation)
+_extrapolated = lru_cache(maxsize=8)(smooth_extrapolation)
 _series = lru_cache(maxsize=32)(CurvatureLaw.series)
 
 

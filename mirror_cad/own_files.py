@@ -1,4 +1,4 @@
-"""A file in, whether `mirror-cad build` wrote it out: by what its header says, not by its name."""
+"""Recognise a file that `mirror-cad build` wrote: by what its header says, not by its name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a STEP file in, the B-spline surface under a named face out: no kernel takes part, so it can judge one."""
+"""Read the B-spline surface under a named face from the text of a STEP file, without the kernel, so that it can judge one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a STEP file in, what is wrong with its statements out: what no kernel should have to trip over.
+"""Find what is wrong with the statements of a STEP file, so that no kernel has to trip over it.
 
 Only what a face rests on is judged, by ISO 10303-42: points, curves, surfaces, edges, loops, faces, shells. What programs
 leave open elsewhere (colours, properties, drawings) does no harm here.
@@ -153,7 +153,8 @@ def _of_statement(number: str, body: str, statements: dict[str, str]) -> Iterato
 
 def _flat(name: str, body: str, statements: dict[str, str]) -> str | None:
     """The first point or direction of an entity in space that has not three coordinates; of a curve, another count than its
-    first point."""
+    first point.
+    """
     if name not in _IN_SPACE and name != "B_SPLINE_CURVE_WITH_KNOTS":
         return None
     wanted = None if name == "B_SPLINE_CURVE_WITH_KNOTS" else 3
@@ -171,15 +172,15 @@ def _of_knots(number: str, name: str, shape: re.Match[str]) -> Iterator[str]:
     """A B-spline of degree p with n poles has n + p + 1 knots, none more than p + 1 times, in rising order."""
     arguments = shape.groups()
     if name == "B_SPLINE_CURVE_WITH_KNOTS":
-        ways = [("", arguments[1], arguments[2].count("#"), arguments[6], arguments[7])]
+        directions = [("", arguments[1], arguments[2].count("#"), arguments[6], arguments[7])]
     else:
         rows = [row.count("#") for row in arguments[3][1:-1].split("),(")]
         if len(set(rows)) != 1:
             yield f"#{number} ({name}): its rows have {min(rows)} to {max(rows)} points: all must have as many"
             return
-        ways = [(" in u", arguments[1], len(rows), arguments[8], arguments[10]),
+        directions = [(" in u", arguments[1], len(rows), arguments[8], arguments[10]),
                 (" in v", arguments[2], rows[0], arguments[9], arguments[11])]
-    for where, degree_text, poles, times_text, knots_text in ways:
+    for where, degree_text, poles, times_text, knots_text in directions:
         degree = int(degree_text)
         times, knots = [int(t) for t in times_text[1:-1].split(",")], [float(t) for t in knots_text[1:-1].split(",")]
         if degree < 1 or poles < degree + 1:

@@ -65,12 +65,12 @@ def check_profile(sine: PiecewiseChebyshev, level_mm: float, x_min: float, x_max
     vertical = x[np.abs(sine(x)) >= 1.0]
     if vertical.size == 0:
         return
-    place = float(vertical[np.argmin(np.abs(vertical - level_mm))])
-    edge = x_min if place < level_mm else x_max
+    point = float(vertical[np.argmin(np.abs(vertical - level_mm))])
+    edge = x_min if point < level_mm else x_max
     raise ProfileError(
-        f"the profile turns vertical at x = {place:.1f} mm of {edge:.1f} mm (|∫κ dx| = {abs(float(sine(place))):.3f} "
+        f"the profile turns vertical at x = {point:.1f} mm of {edge:.1f} mm (|∫κ dx| = {abs(float(sine(point))):.3f} "
         f"there from x = {level_mm:.1f} mm, where it is level; it must stay below 1): shorten the mirror or raise the "
-        f"radius near {place:.0f} mm")
+        f"radius near {point:.0f} mm")
 
 
 def integrate_exactly(sine: PiecewiseChebyshev, kappa: PiecewiseChebyshev) -> Profile:

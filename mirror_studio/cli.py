@@ -7,11 +7,14 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
 from mirror_studio import interrupt
+
+if TYPE_CHECKING:
+    from mirror_studio.as_json import JsonObject
 
 DONE, FAILED, BAD_INPUT, MISSED = 0, 1, 2, 3
 
@@ -53,20 +56,22 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
         from mirror_studio.report.pdf import check_pdf
 
         check_pdf()
+    from mirror_studio.as_json import metrics_as_json
     from mirror_studio.build.pipeline import build as run
 
     built = run(loaded, out or Path("exports") / loaded.name, Progress(), pdf)
-    return _finish(built.metrics, built.missed, json)
+    return _finish(metrics_as_json(built.metrics), built.missed, json)
 
 
 @app.command
 def paper(*, out: Out = None, json: Json = False) -> int:
     """Reproduce the paper: six mirrors, figures 5 and 6, table 1 and a page of it all (default: exports/paper)."""
+    from mirror_studio.as_json import table1_as_json
     from mirror_studio.build.paper import build_paper
     from mirror_studio.progress import Progress
 
     table, missed = build_paper(out or Path("exports/paper"), Progress())
-    return _finish(table, missed, json)
+    return _finish(table1_as_json(table), missed, json)
 
 
 @app.command
@@ -102,11 +107,12 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None, f
     from raytrace.seating import place_from
 
     lent, where = load_spec(scene or "progressive-c"), place_from(place)
+    from mirror_studio.as_json import trace_metrics_as_json
     from mirror_studio.build.pipeline import trace_file
 
     folder = out or Path("exports") / f"{file.stem}-trace"
     metrics = trace_file(file, lent, folder, Progress(), _chosen_face(face), normals, where)
-    return _finish(metrics, (), json)
+    return _finish(trace_metrics_as_json(metrics), (), json)
 
 
 def _start_reader(files: list[Path]) -> None:
@@ -266,7 +272,7 @@ def studio(*, port: int = 8642, browser: bool = True) -> int:
     return DONE
 
 
-def _finish(metrics: dict[str, Any], missed: tuple[str, ...], as_json: bool) -> int:
+def _finish(metrics: JsonObject, missed: tuple[str, ...], as_json: bool) -> int:
     if as_json:
         print(json.dumps(metrics, indent=2, ensure_ascii=False))
     for text in missed:

@@ -1,4 +1,4 @@
-"""A CAD file in, the list of its faces out: what there is for `--face` to choose from."""
+"""List the faces of a CAD file: what there is for `--face` to choose from."""
 
 from __future__ import annotations
 

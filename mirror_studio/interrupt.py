@@ -1,4 +1,4 @@
-"""Ctrl-C and a polite request to end in, one way to end out, also while libraries load. Imports next to nothing."""
+"""End in one and the same manner on Ctrl-C and on a polite request, also while libraries load. Imports next to nothing."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def asked() -> bool:
 
 def leave(code: int) -> None:
     """End with an exit code now. An interrupt inside compiled text leaves a mark in the interpreter, by which it would end by
-    the signal whatever code was meant; and libraries that were half loaded need not be asked to tidy up."""
+    the signal whatever code was meant; and libraries that were half loaded need not be asked to tidy up.
+    """
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -1,4 +1,4 @@
-"""A scene's name or a TOML file in metres in, a SceneFile out: who looks into which mirror of which vehicle, on what road."""
+"""Read a scene, a name or a TOML file in metres: who looks into which mirror of which vehicle, on what road."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ class AimSection(Section):
 
 class OwnVehicleSection(Section):
     """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on; body "none" has
-    no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is true."""
+    no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is true.
+    """
 
     width_m: Size = 1.74
     front_m: Metres = -0.2
@@ -117,7 +118,8 @@ class RoadSection(Listed):
 
 class BodySection(Section):
     """A body on the ground: one of the package's, or a glTF, OBJ, STL, PLY, OFF or 3MF file beside the scene, whose numbers
-    are mm, or `unit`, with `up` upwards (glTF: metres and y by its standard)."""
+    are mm, or `unit`, with `up` upwards (glTF: metres and y by its standard).
+    """
 
     body: str
     x_m: Metres
@@ -173,7 +175,8 @@ class MeasuredSection(Listed):
 
 class SceneFile(Listed):
     """One scene, frozen. Metres and degrees; X rearward, Y right, Z up; X = 0 at the ocular points, Y = 0 the median plane
-    of the driver's vehicle, Z = 0 the ground."""
+    of the driver's vehicle, Z = 0 the ground.
+    """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
     eyes: EyesSection = EyesSection()

@@ -1,4 +1,4 @@
-"""A specification and a mirror's box in, where the eye sits and what lies behind it out."""
+"""Where the eye sits and what lies behind it, in the set-up of the paper."""
 
 from __future__ import annotations
 

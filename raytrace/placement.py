@@ -79,11 +79,6 @@ class Placement:
         result: Array = points @ self.rotation + self.origin_mm
         return result
 
-    def as_json(self) -> dict[str, object]:
-        """As metrics.json holds it."""
-        return {"origin_mm": [float(v) for v in self.origin_mm], "normal": [float(v) for v in self.normal],
-                "up": [float(v) for v in self.up], "from": self.source}
-
     def __str__(self) -> str:
         origin = ", ".join(f"{round(float(v), 6) + 0.0:.9g}" for v in self.origin_mm)
         normal, up = (", ".join(f"{round(float(v), 6) + 0.0:g}" for v in vector) for vector in (self.normal, self.up))

@@ -69,8 +69,8 @@ def test_mirror_file_covers_the_outline_and_looks_at_the_driver(written: Path) -
     for key in ("k1", "k2"):
         values = mesh.point_data[f"deviation_{key}"]
         # The largest lie on the edge, at whose nodes the sheet looks only every 2.7 mm.
-        assert values[np.argmax(np.abs(values))] == pytest.approx(total[f"{key}_max_percent"], rel=5e-3)
-    assert mesh.point_data["deviation"].max() == pytest.approx(total["shape_max_percent"], rel=5e-3)
+        assert values[np.argmax(np.abs(values))] == pytest.approx(total.of(key).max_percent, rel=5e-3)
+    assert mesh.point_data["deviation"].max() == pytest.approx(total.shape.max_percent, rel=5e-3)
 
 
 def test_rays_leave_the_mirror_at_the_angle_at_which_they_came_and_end_on_the_plane(written: Path) -> None:

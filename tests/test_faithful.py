@@ -39,8 +39,8 @@ def floor_of(mirror: Mirror) -> float:
 def test_floor_is_reached_by_the_file_and_not_moved_by_finer_spans(name: str, most: float) -> None:
     mirror = faithful(mirror_cad.load_spec(name))
     deviation = mirror.deviation()
-    assert deviation.total["shape_rms_percent"] <= most
-    assert deviation.total["shape_rms_percent"] < 0.5 * designed(name).deviation().total["shape_rms_percent"]
+    assert deviation.total.shape.rms_percent <= most
+    assert deviation.total.shape.rms_percent < 0.5 * designed(name).deviation().total.shape.rms_percent
     assert deviation.numerical is True
     finer = floor_of(faithful(mirror_cad.load_spec(name), degree=5, spans=(12, 8)))
     assert abs(finer - floor_of(mirror)) < 0.02
@@ -52,7 +52,7 @@ def test_floor_is_reached_by_the_file_and_not_moved_by_finer_spans(name: str, mo
 def test_laws_that_a_surface_has_are_met(spec: MirrorSpec) -> None:
     """1e-6 %: the truncation of degree 7 on the coarsest spans that end the refinement."""
     mirror = faithful(spec)
-    assert mirror.deviation(mirror.surface, _facet(mirror)).total["shape_rms_percent"] <= 1e-6
+    assert mirror.deviation(mirror.surface, _facet(mirror)).total.shape.rms_percent <= 1e-6
 
 
 def test_torus_is_the_torus() -> None:
@@ -85,9 +85,9 @@ def test_height_moved_in_form() -> None:
 
     mirror = designed("progressive-a")
     both = compare_methods(mirror)
-    assert both["change"]["sag_best_fit_max_mm"] <= 0.3
-    assert both["faithful"]["shape_rms_percent"] < both["decoupled"]["shape_rms_percent"]
-    assert both["decoupled"]["lane_straightness_percent"] == pytest.approx(27.57, abs=0.01)
+    assert both.change.sag_best_fit_max_mm <= 0.3
+    assert both.faithful.deviation.shape.rms_percent < both.decoupled.deviation.shape.rms_percent
+    assert both.decoupled.lane_straightness_percent == pytest.approx(27.57, abs=0.01)
 
 
 def test_partial_derivatives_are_those_of_the_shape_operator() -> None:
@@ -109,7 +109,7 @@ def test_whole_and_upper_half_give_the_same_surface(monkeypatch: pytest.MonkeyPa
     """A mirror symmetric in y is solved on its upper half alone."""
     spec = mirror_cad.load_spec("progressive-b")
     half = faithful(spec, degree=5, spans=(6, 4))
-    monkeypatch.setattr("mirror_cad.surfaces.faithful._mirrored", lambda places: False)
+    monkeypatch.setattr("mirror_cad.surfaces.faithful._mirrored", lambda y: False)
     whole = faithful(spec, degree=5, spans=(6, 4))
     assert half.faithful is not None
     assert whole.faithful is not None
@@ -124,8 +124,8 @@ def test_fit_adds_nothing_that_the_model_did_not_have() -> None:
     deviation = mirror.deviation(mirror.surface, _facet(mirror))
     parts = deviation.explained
     # Orthogonal or not, the RMS of a sum lies within the sum of the RMS.
-    assert abs(parts["total_shape_rms_percent"] - parts["model_shape_rms_percent"]) <= parts["numerical_shape_rms_percent"]
-    assert parts["numerical_shape_rms_percent"] < 0.01
+    assert abs(parts.total_shape_rms_percent - parts.model_shape_rms_percent) <= parts.numerical_shape_rms_percent
+    assert parts.numerical_shape_rms_percent < 0.01
     w = shape_operator(mirror.surface.derivatives(np.zeros(1), np.zeros(1)))
     assert np.isfinite(w.w11).all()
 
@@ -155,7 +155,7 @@ def faithful_is_never_farther(right: float, left: float, top: float, bottom: flo
     spec = spec_of({"law": "linear", "right_mm": right, "left_mm": left}, {"law": "linear", "right_mm": top, "left_mm": bottom})
     decoupled, closest = mirror_cad.design(spec), faithful(spec)
     assert closest.fit.met
-    before, after = (m.deviation(m.surface, _facet(m)).total["shape_rms_percent"] for m in (decoupled, closest))
+    before, after = (m.deviation(m.surface, _facet(m)).total.shape.rms_percent for m in (decoupled, closest))
     # The fits' own 0.01 % may tip the balance where both are exact.
     assert after <= before + 0.01
 

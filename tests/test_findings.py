@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirror_cad.deviation import CurvatureDeviation, against_design
+from mirror_cad.deviation import Deviation, against_design
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.differential import principal_curvatures, rms_norm
 from mirror_studio.build.methods import with_method
+from mirror_studio.build.results import LaneFigures, Manifest, Metrics
 from mirror_studio.report.cut_figures import comb_figure, radius_figure
 from mirror_studio.report.cuts import cuts, cuts_table
 from mirror_studio.report.drawing import Panel, drawing, nice_ticks, tick_texts
-from mirror_studio.report.fields import deviation_fields, percent_of
+from mirror_studio.report.fields import deviation_fields, deviation_in
 from mirror_studio.report.histogram import histogram
 from mirror_studio.report.marked_view import CURVE, TANGENT, lane_image, marked_view
 from mirror_studio.report.probe import probe
@@ -39,13 +40,13 @@ FACET = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
 SAME_MM, SAME_RADIUS_MM = 1e-9, 1e-5
 
 
-def deviation_of(mirror: Mirror) -> CurvatureDeviation:
+def deviation_of(mirror: Mirror) -> Deviation:
     facet = SurfaceMesh(mirror.surface.evaluate(FACET[:, 0], FACET[:, 1]), np.array([[0, 1, 2]]))
     return mirror.deviation(mirror.surface, facet)
 
 
 @pytest.fixture(scope="module")
-def progressive() -> tuple[Mirror, CurvatureDeviation]:
+def progressive() -> tuple[Mirror, Deviation]:
     mirror = designed("progressive-c")
     return mirror, deviation_of(mirror)
 
@@ -124,7 +125,7 @@ def test_radii_at_an_umbilic_have_no_direction() -> None:
 # --- cuts -------------------------------------------------------------------------------------------------------------
 
 
-def test_cuts_have_the_curvatures_that_the_construction_gives_them(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
+def test_cuts_have_the_curvatures_that_the_construction_gives_them(progressive: tuple[Mirror, Deviation]) -> None:
     mirror, deviation = progressive
     rms = rms_norm(deviation.designed, deviation.grid.weights)
     found = cuts(mirror, mirror.surface, rms, "%")
@@ -146,14 +147,14 @@ def test_cuts_have_the_curvatures_that_the_construction_gives_them(progressive: 
             assert np.abs(cut.realised.w22[inside] / cut.plane_curvature[inside] / cosine - 1.0).max() < 1e-12
         elif cut.at_mm == 0.0:  # the profile itself
             assert np.abs(cut.plane_curvature[inside] / mirror.curvature.horizontal(x) - 1.0).max() < tolerance
-        again = percent_of(cut.realised, cut.designed, rms)
-        assert np.nanmax(np.abs(again["kx"] - cut.deviation["kx"])) == 0.0
+        again = deviation_in("%", cut.realised, cut.designed, rms)
+        assert np.nanmax(np.abs(again.kx - cut.deviation["kx"])) == 0.0
     columns = cuts_table(found).columns
     assert len(columns["x_mm"]) == sum(int(np.isfinite(cut.place).sum()) for cut in found)
     assert np.isfinite(np.asarray(columns["section_curvature_per_m"])).all()
 
 
-def test_limit_band_is_the_limit_in_curvature_and_is_drawn(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
+def test_limit_band_is_the_limit_in_curvature_and_is_drawn(progressive: tuple[Mirror, Deviation]) -> None:
     raw = load_spec("progressive-c").model_copy(update={"limits": spec_of(constant(1.0e3), constant(1.0e3), limits={
         "curvature_percent": 4.0}).limits})
     mirror = design(raw)
@@ -174,7 +175,7 @@ def test_limit_band_is_the_limit_in_curvature_and_is_drawn(progressive: tuple[Mi
 # --- how far the figures may be off -----------------------------------------------------------------------------------
 
 
-def test_refined_grid_says_how_much_the_largest_deviation_was_missed(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
+def test_refined_grid_says_how_much_the_largest_deviation_was_missed(progressive: tuple[Mirror, Deviation]) -> None:
     mirror, deviation = progressive
     fields = deviation_fields(deviation, None)
     found = uncertainty(mirror, deviation, mirror.surface, fields)
@@ -188,7 +189,7 @@ def test_refined_grid_says_how_much_the_largest_deviation_was_missed(progressive
     true = np.abs(100.0 * (w - pair) / pair).max(axis=0)
     for k, key in enumerate(("k1", "k2")):
         coarse, fine = found.largest[key]
-        assert coarse == pytest.approx(abs(entry[f"{key}_max_percent"]), rel=1e-12)
+        assert coarse == pytest.approx(abs(entry.of(key).max_percent), rel=1e-12)
         assert 0.0 <= true[k] - fine <= true[k] - coarse + 1e-12  # refining comes closer, from below
         assert true[k] - fine < found.missed(key) + 1e-6
     assert found.rounding_per_m < 1e-8  # float64 in second derivatives over 230 mm
@@ -201,7 +202,7 @@ def test_refined_grid_says_how_much_the_largest_deviation_was_missed(progressive
 # --- histogram, STEP, lane --------------------------------------------------------------------------------------------
 
 
-def test_histogram_counts_all_of_the_area(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
+def test_histogram_counts_all_of_the_area(progressive: tuple[Mirror, Deviation]) -> None:
     _, deviation = progressive
     fields = deviation_fields(deviation, None)
     shares = histogram(deviation, fields)
@@ -214,7 +215,7 @@ def test_histogram_counts_all_of_the_area(progressive: tuple[Mirror, CurvatureDe
     assert shares.share["k2"][bin_of_most] == pytest.approx(by_hand)
 
 
-def test_step_table_compares_what_was_written_with_what_was_read(progressive: tuple[Mirror, CurvatureDeviation],
+def test_step_table_compares_what_was_written_with_what_was_read(progressive: tuple[Mirror, Deviation],
                                                                  tmp_path: Path) -> None:
     from mirror_cad.occt.step import read_step
 
@@ -232,7 +233,7 @@ def test_step_table_compares_what_was_written_with_what_was_read(progressive: tu
     assert area.before == mirror.plate.area_mm2
 
 
-def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressive: tuple[Mirror, CurvatureDeviation]) -> None:
+def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressive: tuple[Mirror, Deviation]) -> None:
     mirror, _ = progressive
     setting = ViewingSetup.of(mirror.spec, mirror.box)
     straightness = lane_straightness_percent(face_of(mirror), setting.eye, setting.lane, mirror.box)
@@ -268,12 +269,12 @@ def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressi
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-def test_all_figures_are_in_csv_and_json_with_the_same_digits(progressive: tuple[Mirror, CurvatureDeviation],
+def test_all_figures_are_in_csv_and_json_with_the_same_digits(progressive: tuple[Mirror, Deviation],
                                                               tmp_path: Path) -> None:
     mirror, deviation = progressive
-    metrics = {"lane_straightness_percent": {"traced": 40.9}}
+    metrics = Metrics(lane_straightness_percent=LaneFigures(traced=40.9))
     findings = find(mirror, deviation, mirror.surface, metrics)
-    write_findings(tmp_path, mirror, deviation, findings, {"spec": {}})
+    write_findings(tmp_path, mirror, deviation, findings, Manifest(spec={}))
     text = (tmp_path / "progressive-c-report.json").read_text("utf-8")
     content = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
     assert content["schema"] == 1
@@ -282,7 +283,8 @@ def test_all_figures_are_in_csv_and_json_with_the_same_digits(progressive: tuple
     assert content["verdicts"]["view"] is None  # nothing is asked of it
     assert list(content["tables"]) == ["verdicts", "sampling", "maps", "histogram", "sections", "stages", "step", "probe",
                                        "measures", "lane"]
-    assert content["tables"]["measures"] == {"measure": ["lane_straightness_percent.traced"], "value": [40.9]}
+    measured = dict(zip(*content["tables"]["measures"].values(), strict=True))
+    assert {name: value for name, value in measured.items() if value} == {"lane_straightness_percent.traced": 40.9}
     for name, columns in content["tables"].items():
         with (tmp_path / f"progressive-c-{name}.csv").open(encoding="utf-8", newline="") as stream:
             header, *rows = csv.reader(stream)
@@ -298,7 +300,7 @@ def test_all_figures_are_in_csv_and_json_with_the_same_digits(progressive: tuple
     assert maps["kx_realised_per_m"] - maps["kx_designed_per_m"] == pytest.approx(maps["kx_deviation_per_m"], abs=1e-9)
     stages = content["tables"]["stages"]
     at = list(zip(stages["stage"], stages["quantity"], strict=True)).index(("total", "k2"))
-    assert stages["max_percent"][at] == pytest.approx(deviation.total["k2_max_percent"], rel=1e-11)
+    assert stages["max_percent"][at] == pytest.approx(deviation.total.k2.max_percent, rel=1e-11)
 
 
 # --- drawings ---------------------------------------------------------------------------------------------------------

@@ -392,9 +392,9 @@ def test_the_front_stands_before_the_designed_face_and_the_files_read_back(tmp_p
     mirror.export_stl(tmp_path / "a.stl")
     mesh = read_stl(tmp_path / "a.stl")
     assert_closed_and_outward(mesh, mirror.plate.volume_mm3)
-    stl = mirror.deviation(file.optical_surface(), mesh).stages["stl"]
-    assert stl["height_max_mm"] <= 0.01
-    assert stl["facets"] > 1000
+    stl = mirror.deviation(file.optical_surface(), mesh).stages.stl
+    assert stl.height_max_mm <= 0.01
+    assert stl.facets > 1000
 
 
 def test_a_front_that_reflects_is_made_as_ever() -> None:

@@ -9,7 +9,9 @@ import pytest
 
 import mirror_cad
 import raytrace
+from mirror_studio.as_json import table1_as_json
 from mirror_studio.build.paper import PAPER, table_1
+from mirror_studio.build.results import FieldOfView, LaneFigures, Metrics
 from raytrace.image import landing_points, photograph
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import StraightLane, lane_straightness_percent
@@ -108,8 +110,8 @@ def test_facets_of_the_stl_miss_by_many_millimetres_on_the_plane(tmp_path: Path)
 
 
 def test_table_1_takes_section_fields_of_view_and_the_traced_lane() -> None:
-    metrics = {name: {"h_fov_deg": {"section": 1.0, "traced": 9.0}, "v_fov_left_deg": {"section": 2.0, "traced": 9.0},
-                      "lane_straightness_percent": {"traced": 3.0, "image": 9.0}} for name in PAPER}
-    table = table_1(metrics)
+    metrics = {name: Metrics(FieldOfView(section=1.0, traced=9.0), FieldOfView(section=2.0, traced=9.0),
+                             LaneFigures(traced=3.0, image=9.0)) for name in PAPER}
+    table = table1_as_json(table_1(metrics))
     assert table["progressive-b"] == {"h_fov_deg": {"ours": 1.0, "paper": 44.8}, "v_fov_left_deg": {"ours": 2.0, "paper": 46.8},
                                       "lane_straightness_percent": {"ours": 3.0, "paper": 30.0}}

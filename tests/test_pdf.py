@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +89,8 @@ def test_the_longest_names_stay_on_the_page_and_are_signed_beside_what_they_name
     raw = load_spec("sphere-950").model_dump(exclude_none=True, exclude={"outline"})
     mirror = design(validate_spec(raw | {"name": name, "part": part, "limits": {"h_fov_deg": [44.0, 46.0]}}))
     deviation = deviation_of(mirror)
-    manifest = MANIFEST | {"files": {f"{name}{end}": "cd" * 32 for end in (".step", "-surface.step", ".stl", "-points.csv")}}
+    files = {f"{name}{end}": "cd" * 32 for end in (".step", "-surface.step", ".stl", "-points.csv")}
+    manifest = replace(MANIFEST, files=files)
     write_report(tmp_path / "report.html", mirror, deviation, METRICS, manifest, _picture(),
                  find(mirror, deviation, mirror.surface, METRICS))
     write_pdf(tmp_path / "report.html", tmp_path / "report.pdf")

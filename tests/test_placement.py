@@ -24,6 +24,7 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import _silence
 from mirror_cad.occt.tessellate import write_mesh
 from mirror_cad.own_files import written_by_us
+from mirror_studio.as_json import placement_as_json, trace_metrics_as_json
 from mirror_studio.build.pipeline import trace_file
 from mirror_studio.cli import run
 from mirror_studio.drive.mirrors import driven_mirror, places_of
@@ -167,8 +168,8 @@ def test_a_face_in_mirror_coordinates_stays_to_the_last_bit(tmp_path: Path) -> N
     path = step(tmp_path / "cap.step", cap_shape())
     as_filed, placed = load_reflector(path), load_reflector(path, place="face")
     assert placed.placement is not None
-    assert placed.placement.as_json() == {"origin_mm": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0], "up": [0.0, 1.0, 0.0],
-                                          "from": "face"}
+    assert placement_as_json(placed.placement) == {
+        "origin_mm": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0], "up": [0.0, 1.0, 0.0], "from": "face"}
     assert isinstance(as_filed.surface, QuadricFace)
     assert isinstance(placed.surface, QuadricFace)
     assert np.array_equal(as_filed.surface.quadric.centre, placed.surface.quadric.centre)
@@ -293,7 +294,7 @@ def test_trace_gives_one_answer_wherever_the_part_stands(tmp_path: Path) -> None
         files = (step(tmp_path / "cap.step", cap_shape(), motion), ply(tmp_path / "cap.ply", moved(cap_mesh(), motion)),
                  foreign_stl(tmp_path / "cap.stl", moved(cap_mesh(), motion)))
         for file in files:
-            found = trace_file(file, small(), tmp_path / "out", Progress(True))
+            found = trace_metrics_as_json(trace_file(file, small(), tmp_path / "out", Progress(True)))
             first = home.setdefault(file.name, found)
             assert np.linalg.norm(found["eye_mm"]) == pytest.approx(762.0, rel=1e-12)
             if file.suffix == ".stl":
@@ -345,7 +346,7 @@ def test_every_figure_of_trace_and_drive_at_twenty_places(tmp_path: Path) -> Non
     home: dict[str, tuple[Any, Any]] = {}
     for motion in ((np.eye(3), np.zeros(3)), *motions(20)):
         for file in (step(tmp_path / "cap.step", cap_shape(), motion), ply(tmp_path / "cap.ply", moved(cap_mesh(), motion))):
-            traced = trace_file(file, spec, tmp_path / "trace", Progress(True))
+            traced = trace_metrics_as_json(trace_file(file, spec, tmp_path / "trace", Progress(True)))
             driven = drive([str(file)], scene, tmp_path / "drive", Progress(True))
             first = home.setdefault(file.name, (traced, driven))
             assert differences(first[0], traced, 1e-9) == []

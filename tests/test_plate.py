@@ -133,7 +133,7 @@ def test_mirrors_of_20_mm_and_of_3_m_too(size: float, radii: tuple[float, float]
     mirror = mirror_cad.design(spec_of(*map(constant, radii), outline=outline, blank={"width_mm": 3000.0, "height_mm": 3000.0},
                                        export={"surface_margin_mm": 0.0}))
     mesh = mesh_of(mirror, 0.01, mirror.outline)
-    assert stl_deviation(mesh, mirror.surface, mirror.outline)["height_max_mm"] <= 0.01
+    assert stl_deviation(mesh, mirror.surface, mirror.outline).height_max_mm <= 0.01
     assert_closed_and_outward(mesh, plate_volume(mirror, mirror.outline, 3.0))
 
 
@@ -164,7 +164,7 @@ def test_a_cylinder_is_exported_in_seconds_and_reads_back_within_the_deflection(
     mirror.export_stl(tmp_path / "a.stl")
     assert time.process_time() - start < 10.0
     mesh = read_stl(tmp_path / "a.stl")
-    assert stl_deviation(mesh, mirror.surface, mirror.outline)["height_max_mm"] <= 0.01
+    assert stl_deviation(mesh, mirror.surface, mirror.outline).height_max_mm <= 0.01
     assert_closed_and_outward(mesh, mirror.plate.volume_mm3)
 
 
@@ -245,7 +245,7 @@ def test_kernel_fits_get_plate_step_and_stl(route: str, tmp_path: Path) -> None:
     shape = read_step(tmp_path / "a.step").shape
     assert len(solids_of(shape)) == 1
     assert is_valid(shape)
-    assert stl_deviation(read_stl(tmp_path / "a.stl"), mirror.surface, mirror.outline)["height_max_mm"] <= 0.01
+    assert stl_deviation(read_stl(tmp_path / "a.stl"), mirror.surface, mirror.outline).height_max_mm <= 0.01
 
 
 def test_a_back_that_misses_on_the_fronts_knots_gets_more() -> None:
@@ -322,7 +322,7 @@ def test_a_tiny_corner_radius_gives_a_valid_plate(radius: float, tmp_path: Path)
     assert is_valid(mirror.plate.solid)
     assert len(faces_of(mirror.plate.solid)) == 10
     mirror.export_stl(tmp_path / "a.stl")
-    assert stl_deviation(read_stl(tmp_path / "a.stl"), mirror.surface, mirror.outline)["height_max_mm"] <= 0.01
+    assert stl_deviation(read_stl(tmp_path / "a.stl"), mirror.surface, mirror.outline).height_max_mm <= 0.01
 
 
 # --- thickness -----------------------------------------------------------------------------------------------------------
@@ -345,7 +345,7 @@ def test_very_thin_plates_are_built(law: str, thickness: float, tmp_path: Path) 
     assert mirror.plate.volume_mm3 == pytest.approx(thickness * mirror.plate.area_mm2, rel=1e-4)
     mirror.export_stl(tmp_path / "a.stl")
     mesh = read_stl(tmp_path / "a.stl")
-    assert stl_deviation(mesh, mirror.surface, mirror.outline)["height_max_mm"] <= 0.01
+    assert stl_deviation(mesh, mirror.surface, mirror.outline).height_max_mm <= 0.01
     if thickness >= 0.01:
         assert_closed_and_outward(mesh, mirror.plate.volume_mm3)
 

@@ -166,9 +166,10 @@ def test_percent_do_not_change_with_scale(scale: float, left: float, top: float)
                        export={"surface_margin_mm": 15.0 * s})
         mirror = mirror_cad.design(spec)
         deviations.append(against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface))
-    for key in ("k1_max_percent", "k2_rms_percent", "shape_rms_percent", "twist_rms_percent"):
-        # Twice the fit's own 0.001 %: on another scale it may choose other spans.
-        assert deviations[0][key] == pytest.approx(deviations[1][key], abs=2e-3)
+    one, other = ((each.k1.max_percent, each.k2.rms_percent, each.shape.rms_percent, each.twist.rms_percent)
+                  for each in deviations)
+    # Twice the fit's own 0.001 %: on another scale it may choose other spans.
+    assert one == pytest.approx(other, abs=2e-3)
 
 
 def survives_step(horizontal: dict[str, Any], vertical: dict[str, Any]) -> None:
@@ -220,18 +221,18 @@ def test_stages_add_up_at_every_place() -> None:
     laws_of = ({"law": "linear", "right_mm": 1250.0, "left_mm": left} for left in (800.0, 900.0))
     spec = spec_of(*laws_of, surface={"integration": "euler", "step_mm": 1.0})
     deviation = mirror_cad.design(spec).deviation()
-    states = list(deviation.states.values())
+    states = list(deviation.states)
     parts = [[b - a for a, b in zip(before.shape, after.shape, strict=True)] + [after.height - before.height]
              for before, after in itertools.pairwise(states)]
     percent = deviation.percent
     assert percent is not None
     for k, (key, designed_value) in enumerate((("kx", deviation.designed.w11), ("ky", deviation.designed.w22))):
-        assert np.abs(sum(part[k] for part in parts) / designed_value - percent[key] / 100.0).max() < 1e-12
+        assert np.abs(sum(part[k] for part in parts) / designed_value - getattr(percent, key) / 100.0).max() < 1e-12
     worst = float(np.abs(sum(part[3] for part in parts)).max())
-    assert worst == pytest.approx(abs(deviation.total["sag_max_mm"]), rel=1e-6)  # ties of the two symmetric halves
+    assert worst == pytest.approx(abs(deviation.total.sag_max_mm), rel=1e-6)  # ties of the two symmetric halves
     # Principal curvatures are not linear: their parts bound the total, and each part here matters.
     for key in ("k1", "k2"):
-        names = ("model", "integration", "fit", "step")
-        assert abs(deviation.total[f"{key}_max_percent"]) <= sum(abs(deviation.stages[n][f"{key}_max_percent"]) for n in names)
-    assert deviation.explained["unexplained_max_per_m"] < 1e-12
-    assert deviation.stages["integration"]["shape_rms_percent"] > 0.01
+        assert abs(deviation.total.of(key).max_percent) <= sum(
+            abs(stage.of(key).max_percent) for stage in (deviation.stages.model, *deviation.stages.numerical()))
+    assert deviation.explained.unexplained_max_per_m < 1e-12
+    assert deviation.stages.integration.shape.rms_percent > 0.01

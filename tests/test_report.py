@@ -6,39 +6,53 @@ import hashlib
 import io
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from mirror_cad import laws
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import QUANTITIES, Deviation, RayDeviation, StageDeviation
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.differential import rms_norm, shape_operator
+from mirror_cad.surfaces.faithful import Level
+from mirror_studio.as_json import requirements_as_json
 from mirror_studio.build.methods import compare_methods, with_method
+from mirror_studio.build.results import (
+    Built,
+    Compared,
+    FieldOfView,
+    FileChecks,
+    LaneFigures,
+    Manifest,
+    MethodComparison,
+    Metrics,
+    OnPlane,
+    PaperRow,
+    PlateFigures,
+    StepCheck,
+)
 from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
 from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
-from mirror_studio.report.stages import Floor, chain_links, model_sentences, stage_rows, weakest_sentence
+from mirror_studio.report.stages import Floor, Link, chain_links, model_sentences, stage_rows, weakest_sentence
 from mirror_studio.report.text import fixed, given, number, place
 from mirror_studio.report.uncertainty import Uncertainty
-from mirror_studio.report.verdict_table import Requirement, as_json, requirements, view_requirements
+from mirror_studio.report.verdict_table import Requirement, requirements, view_requirements
 
-METRICS = {
-    "h_fov_deg": {"section": 44.82, "traced": 44.63}, "v_fov_left_deg": {"section": 42.88, "traced": 39.6},
-    "lane_straightness_percent": {"traced": 40.91, "image": None},
-    "stl_on_plane_mm": {"max": 310.0, "rms": 95.0, "rays": 12345}, "rays": {"reflected": 15_000_000, "missed": 10},
-    "eye_mm": [115.0, 0.0, 753.27], "plate": {"area_mm2": 68985.3, "volume_mm3": None},
-    "files": {"step_max_mm": 3e-11},
-}
-MANIFEST = {"schema": 1, "versions": {"mirror-cad": "0.1.0"}, "notes": ["read <b>a&b</b>"],
-            "files": {"mirror.step": "ab" * 32}}
-Designed = tuple[Mirror, CurvatureDeviation]
+METRICS = Metrics(
+    h_fov_deg=FieldOfView(section=44.82, traced=44.63), v_fov_left_deg=FieldOfView(section=42.88, traced=39.6),
+    lane_straightness_percent=LaneFigures(traced=40.91, image=None), stl_on_plane=OnPlane(310.0, 95.0, 12345),
+    rays={"reflected": 15_000_000, "missed": 10}, eye_mm=(115.0, 0.0, 753.27),
+    plate=PlateFigures(area_mm2=68985.3, volume_mm3=2.1e5, back_error_mm=4e-6),
+    files=FileChecks(StepCheck(3e-11, 4e-11, 1e-12), 2e-11, 1e-13, 2700))
+MANIFEST = Manifest(versions={"mirror-cad": "0.1.0"}, notes=("read <b>a&b</b>",), files={"mirror.step": "ab" * 32})
+Designed = tuple[Mirror, Deviation]
 FLAT = {"law": "constant", "radius_mm": math.inf}
 TURNING = {"law": "expression", "curvature": "0.001*(t - 0.4)"}
 
@@ -49,7 +63,7 @@ def _picture() -> bytes:
     return file.getvalue()
 
 
-def _deviation(mirror: Mirror) -> CurvatureDeviation:
+def _deviation(mirror: Mirror) -> Deviation:
     """As if STEP had changed nothing and the STL were one facet: the kernel has its own tests."""
     corners = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
     facet = SurfaceMesh(mirror.surface.evaluate(corners[:, 0], corners[:, 1]), np.array([[0, 1, 2]]))
@@ -76,12 +90,12 @@ def faithful() -> Designed:
 
 
 @pytest.fixture(scope="module")
-def methods(faithful: Designed) -> dict[str, Any]:
+def methods(faithful: Designed) -> MethodComparison:
     mirror, _ = faithful
     return compare_methods(mirror)
 
 
-def _report(folder: Path, designed: Designed, metrics: dict[str, Any], manifest: dict[str, Any]) -> str:
+def _report(folder: Path, designed: Designed, metrics: Metrics, manifest: Manifest) -> str:
     findings = find(*designed, designed[0].surface, metrics)
     write_report(folder / "report.html", *designed, metrics, manifest, _picture(), findings)
     return (folder / "report.html").read_text("utf-8")
@@ -121,7 +135,7 @@ def test_head_names_part_day_and_hashes_and_leaves_lines_to_sign(tmp_path: Path,
     mirror = design(validate_spec(raw | {"part": part}))
     both = mirror, _deviation(mirror)
     files = {f"{mirror.spec.name}{end}": "cd" * 32 for end in (".step", "-surface.step", ".stl", "-points.csv")}
-    page = _report(tmp_path, both, METRICS, MANIFEST | {"spec": {"name": "x"}, "files": files | {"metrics.json": "ef" * 32}})
+    page = _report(tmp_path, both, METRICS, replace(MANIFEST, spec={"name": "x"}, files=files | {"metrics.json": "ef" * 32}))
     _check_plain(page)
     text = _readable(page)
     assert not _missing(text, "A 47 &lt;b&gt;\\", "<b>C&#34;2</b>", "Main mirror", "2014-05-13", "made", "checked", "approved",
@@ -142,17 +156,17 @@ def test_verdicts_have_limit_actual_margin_and_place(tmp_path: Path, limited: De
     mirror, deviation = limited
     rows = {row.name: row for row in requirements(mirror, deviation, METRICS)}
     k2 = rows["k2, realised against designed"]
-    assert (k2.limit, k2.actual, k2.met) == (3.0, deviation.total["k2_max_percent"], False)
-    assert k2.margin == pytest.approx(3.0 - abs(deviation.total["k2_max_percent"]))
-    assert list(k2.place or ()) == deviation.total["k2_max_at_mm"]
+    assert (k2.limit, k2.actual, k2.met) == (3.0, deviation.total.k2.max_percent, False)
+    assert k2.margin == pytest.approx(3.0 - abs(deviation.total.k2.max_percent))
+    assert k2.place == deviation.total.k2.max_at_mm
     assert rows["fit: height"].limit == mirror.spec.surface.position_tolerance_mm
     assert rows["fit: height"].met
-    assert rows["STEP read back by the kernel, farthest point"].actual == METRICS["files"]["step_max_mm"]
+    assert rows["STEP read back by the kernel, farthest point"].actual == METRICS.files.step.step_max_mm
     text = _readable(_report(tmp_path, limited, METRICS, MANIFEST))
     assert not _missing(text, ">not met<", "−1.64\u202f%", "±3\u202f%", "x\u202f87.70, y\u202f161.38\u202fmm")
     # A margin that the grid cannot be sure of is said to be one.
     close = Requirement("part", "k1, realised against designed", "%", 3.0, 2.9999)
-    coarse = Uncertainty((211, 311), (1, 1), (421, 621), (1, 1), dict.fromkeys(fields.QUANTITIES, (1.0, 1.01)), "%", 0.0, None,
+    coarse = Uncertainty((211, 311), (1, 1), (421, 621), (1, 1), dict.fromkeys(QUANTITIES, (1.0, 1.01)), "%", 0.0, None,
                          None)
     (_, [row]), *_ = requirement_groups([close], coarse)
     assert row["verdict"] == "met, but closer than the grid tells"
@@ -167,11 +181,12 @@ def test_without_a_number_none_is_stated(tmp_path: Path, limited: Designed) -> N
 def test_deviation_at_a_printed_place_is_the_printed_one(limited: Designed, faithful: Designed) -> None:
     for mirror, deviation in (limited, faithful):
         rms = rms_norm(deviation.designed, deviation.grid.weights)
-        for key in fields.QUANTITIES:
-            printed = place(deviation.total[f"{key}_max_at_mm"]).replace("\u2212", "-").replace("\u202f", "")
+        for key in QUANTITIES:
+            printed = place(deviation.total.of(key).max_at_mm).replace("\u2212", "-").replace("\u202f", "")
             x, y = (np.array([float(part[1:])]) for part in printed.split(", "))
-            found = fields.percent_of(shape_operator(mirror.surface.derivatives(x, y)), mirror.curvature.shape(x), rms)[key]
-            assert number(float(found[0])) == number(deviation.total[f"{key}_max_percent"])
+            found = getattr(fields.deviation_in("%", shape_operator(mirror.surface.derivatives(x, y)),
+                                                mirror.curvature.shape(x), rms), key)
+            assert number(float(found[0])) == number(deviation.total.of(key).max_percent)
 
 
 def test_radii_are_coloured_by_curvature_and_the_scale_tells_them_in_mm(limited: Designed) -> None:
@@ -199,16 +214,16 @@ def test_limits_of_the_view_are_rows_with_margins_and_a_verdict(tmp_path: Path) 
     rows = [(row.side, row.limit, row.actual, row.met) for row in view_requirements(mirror, METRICS)]
     assert rows == [("least", 44.0, 44.82, True), ("least", 40.0, 42.88, True), ("most", 42.5, 42.88, False),
                     ("most", 50.0, 40.91, True)]
-    (_, _, missed, _) = as_json(view_requirements(mirror, METRICS))
+    (_, _, missed, _) = requirements_as_json(view_requirements(mirror, METRICS))
     assert missed["margin"] == pytest.approx(-0.38)
     text = _readable(_report(tmp_path, (mirror, _deviation(mirror)), METRICS, MANIFEST))
     assert not _missing(text, "at least 44°", "at most 42.5°", "−0.38°", "9.09\u202f%", "44, ∞",
                         "✗ Beyond what is asked: vertical field of view at the left edge, section")
     # What cannot be measured is not met.
-    unknown = [row.met for row in view_requirements(mirror, METRICS | {"lane_straightness_percent": {"traced": None}})]
+    unknown = [row.met for row in view_requirements(mirror, replace(METRICS, lane_straightness_percent=LaneFigures()))]
     assert unknown == [True, True, False, False]
-    assert as_json(view_requirements(mirror, {}))[0]["actual"] is None
-    _check_plain(_report(tmp_path, (mirror, _deviation(mirror)), METRICS | {"h_fov_deg": {"section": None}}, MANIFEST))
+    assert requirements_as_json(view_requirements(mirror, Metrics()))[0]["actual"] is None
+    _check_plain(_report(tmp_path, (mirror, _deviation(mirror)), replace(METRICS, h_fov_deg=FieldOfView()), MANIFEST))
 
 
 def test_the_same_mirror_gives_the_same_page(tmp_path: Path, limited: Designed, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,7 +234,7 @@ def test_the_same_mirror_gives_the_same_page(tmp_path: Path, limited: Designed, 
 
 
 def test_report_of_a_plane_without_measurements(tmp_path: Path, plane: Designed) -> None:
-    page = _report(tmp_path, plane, {}, {})
+    page = _report(tmp_path, plane, Metrics(), Manifest())
     _check_plain(page)
     assert not _missing(page, "The design is flat", "Rx and Ry are flat", "No limit asked for")
 
@@ -242,59 +257,67 @@ def test_report_names_the_method_and_what_its_deviation_comes_from(
 @pytest.mark.parametrize("which", ["limited", "faithful", "plane"])
 def test_stage_table_has_absolute_figures_and_places_beside_percent(which: str, request: pytest.FixtureRequest) -> None:
     mirror, deviation = request.getfixturevalue(which)
-    rows = {row["name"]: row for row in stage_rows(deviation, mirror.spec.surface.method)}
+    rows = {row.name: row for row in stage_rows(deviation, mirror.spec.surface.method)}
     assert list(rows) == ["model", "integration", "fit", "STEP", "total"]
     for row in rows.values():
-        assert len(row["cells"]) == 6
-        assert all(cell["per_m"].endswith("/m") for cell in row["cells"])
-        assert row["sag"].endswith("mm")
-        assert row["slope"].endswith("″")
+        assert len(row.cells) == 6
+        assert all(cell.per_m.endswith("/m") for cell in row.cells)
+        assert row.sag.endswith("mm")
+        assert row.slope.endswith("″")
         if which == "plane":
-            assert {cell["max"] for cell in row["cells"]} == {cell["rms"] for cell in row["cells"]} == {"—"}
-    shape = rows["total"]["cells"][-1]
+            assert {cell.max for cell in row.cells} == {cell.rms for cell in row.cells} == {"—"}
+    shape = rows["total"].cells[-1]
     if which != "plane":
-        assert (shape["max"], shape["per_m"]) == (f"{number(deviation.total['shape_max_percent'])}\u202f%",
-                                                  f"{number(deviation.total['shape_max_per_m'])}\u202f/m")
-        assert shape["place"].startswith("x\u202f")
+        assert (shape.max, shape.per_m) == (f"{number(deviation.total.shape.max_percent)}\u202f%",
+                                                  f"{number(deviation.total.shape.max_per_m)}\u202f/m")
+        assert shape.place.startswith("x\u202f")
     # The faithful surface moves the height, which the decoupled one is measured from.
-    assert (rows["model"]["sag"] == "0\u202fmm") == (which != "faithful")
-    assert (rows["model"]["sag_place"] == "—") == (which != "faithful")
+    assert (rows["model"].sag == "0\u202fmm") == (which != "faithful")
+    assert (rows["model"].sag_place == "—") == (which != "faithful")
 
 
 def test_both_methods_stand_side_by_side_and_the_exchange_is_said_from_the_numbers(
-        tmp_path: Path, faithful: Designed, methods: dict[str, Any]) -> None:
-    page = _report(tmp_path, faithful, METRICS | {"methods": methods}, MANIFEST)
+        tmp_path: Path, faithful: Designed, methods: MethodComparison) -> None:
+    page = _report(tmp_path, faithful, replace(METRICS, methods=methods), MANIFEST)
     _check_plain(page)
     shown = side_by_side(methods, "faithful", 8200.0)
     assert shown is not None
-    assert shown["columns"] == [("decoupled", False), ("faithful", True)]
-    decoupled, other = methods["decoupled"], methods["faithful"]
-    assert dict(shown["curvatures"])["shape"][1][0] == f"{number(other['shape_rms_percent'])}\u202f%"
-    lanes = [fixed(one["lane_straightness_percent"], 1) for one in (decoupled, other)]
+    assert shown.columns == [("decoupled", False), ("faithful", True)]
+    decoupled, other = methods.both()
+    assert dict(shown.curvatures)["shape"][1][0] == f"{number(other.deviation.shape.rms_percent)}\u202f%"
+    lanes = [fixed(one.lane_straightness_percent, 1) for one in (decoupled, other)]
     assert not _missing(_readable(page), "Decoupled and faithful", "faithful (built)", "comes 2.2 times closer",
                         f"the lane bends more: {lanes[0]}\u00a0→\u00a0{lanes[1]}\u202f%", "narrower upright at the left edge",
                         "is the floor of these laws: refining the spans from", "method = \"decoupled\"",
-                        f"at most {number(methods['change']['ray_max_arcmin'])}′")
+                        f"at most {number(methods.change.ray_max_arcmin)}′")
     forth, back = " ".join(exchange_sentences(decoupled, other)), " ".join(exchange_sentences(other, decoupled))
     assert not _missing(forth, "Gained (RMS): twist", "Lost (RMS): ky")
     assert not _missing(back, "Gained (RMS): ky", "Lost (RMS): twist", "the lane bends less", "wider upright")
     assert "closer" not in back
 
 
+def in_percent(stage: StageDeviation, percent: float | None) -> StageDeviation:
+    """The same with one value for everything in percent."""
+    return replace(stage, **{name: replace(getattr(stage, name), max_percent=percent, rms_percent=percent)
+                             for name in (*QUANTITIES, "shape")})
+
+
 def test_exchange_is_none_where_both_surfaces_hold_the_laws_and_says_where_a_lane_is_missing(
-        methods: dict[str, Any]) -> None:
-    held = {key: 1e-7 if key.endswith("percent") else value for key, value in methods["faithful"].items()}
+        methods: MethodComparison) -> None:
+    held = replace(methods.faithful, deviation=in_percent(methods.faithful.deviation, 1e-7))
     assert exchange_sentences(held, held)[0].startswith("These laws both surfaces hold")
-    without = methods["decoupled"] | {"lane_straightness_percent": None}
-    assert "in the faithful one only" in " ".join(exchange_sentences(without, methods["faithful"]))
-    assert "lane" not in " ".join(exchange_sentences(without, methods["faithful"] | {"lane_straightness_percent": None}))
+    without = replace(methods.decoupled, lane_straightness_percent=None)
+    assert "in the faithful one only" in " ".join(exchange_sentences(without, methods.faithful))
+    assert "lane" not in " ".join(exchange_sentences(without, replace(methods.faithful, lane_straightness_percent=None)))
 
 
-def test_plane_is_the_same_by_both_methods(tmp_path: Path, plane: Designed, methods: dict[str, Any]) -> None:
-    flat = {name: {key: None if key.endswith("percent") else value for key, value in methods[name].items()}
-            for name in ("decoupled", "faithful")}
-    floor = {"settled": True, "degree": 7, "levels": [{"spans": [6, 5], "shape_rms_percent": None}]}
-    page = _report(tmp_path, plane, METRICS | {"methods": methods | flat | {"floor": floor}}, MANIFEST)
+def test_plane_is_the_same_by_both_methods(tmp_path: Path, plane: Designed, methods: MethodComparison) -> None:
+    decoupled, other = (replace(one, deviation=in_percent(one.deviation, None), lane_straightness_percent=None)
+                        for one in methods.both())
+    assert methods.floor is not None
+    floor = replace(methods.floor, settled=True, degree=7, levels=(Level((6, 5), 10, 1, None, 0.0),))
+    flat = replace(methods, decoupled=decoupled, faithful=other, floor=floor)
+    page = _report(tmp_path, plane, replace(METRICS, methods=flat), MANIFEST)
     _check_plain(page)
     assert not _missing(_readable(page), "both methods give the plane itself", "method = \"faithful\"", "glass —",
                         "says nothing of flat glass", "The decoupled surface of a flat design is the plane itself")
@@ -324,7 +347,7 @@ def test_floor_is_told_by_its_levels(settled: bool, levels: tuple[tuple[tuple[in
     (0.0, 0.0, 0.0, "Neither kernel nor file", "at all.")])
 def test_weakest_link_is_named_against_the_eye(kernel: float, mesh: float | None, glass: float, begins: str,
                                                holds: str) -> None:
-    chain = {"kernel": kernel, "file": 0.0, "mesh": mesh, "glass": glass, "glass_percent": 1.0, "eye": 1.0}
+    chain = RayDeviation(kernel=kernel, file=0.0, mesh=mesh, glass=glass, glass_percent=1.0, eye=1.0)
     text = weakest_sentence(chain)
     assert text.startswith(begins)
     assert holds in text
@@ -334,9 +357,9 @@ def test_chain_runs_from_the_kernel_to_the_eye(limited: Designed, faithful: Desi
     for (_, deviation), note in ((limited, "at the stated limit of 3\u202f%"),
                                  (faithful, "for each 1\u202f% of curvature, as no limit is stated")):
         links = chain_links(deviation)
-        assert [link["name"] for link in links] == ["kernel", "file", "mesh", "glass", "eye resolves"]
-        assert links[3] == {"name": "glass", "value": f"±{number(deviation.chain['glass'])}′", "note": note}
-        assert links[-1]["value"] == "1′"
+        assert [link.name for link in links] == ["kernel", "file", "mesh", "glass", "eye resolves"]
+        assert links[3] == Link("glass", f"±{number(deviation.rays.glass)}′", note)
+        assert links[-1].value == "1′"
 
 
 def test_deviations_beyond_their_curvature_are_drawn_per_metre_with_percent_beside(tmp_path: Path) -> None:
@@ -346,12 +369,12 @@ def test_deviations_beyond_their_curvature_are_drawn_per_metre_with_percent_besi
     deviation = _deviation(mirror)
     drawn = fields.deviation_fields(deviation, 5.0)
     assert (drawn.unit, drawn.limit) == ("1/m", None)
-    assert drawn.worst["k2"][0] == pytest.approx(deviation.total["k2_max_per_m"], rel=1e-12)
-    page = _report(tmp_path, (mirror, deviation), {}, {})
+    assert drawn.worst["k2"][0] == pytest.approx(deviation.total.k2.max_per_m, rel=1e-12)
+    page = _report(tmp_path, (mirror, deviation), Metrics(), Manifest())
     _check_plain(page)
     assert not _missing(_readable(page), "Beyond the limit of ±5\u202f%", "of the area lies beyond", "is not drawn",
-                        "the figures per metre hold", f"{number(deviation.total['k2_max_percent'])}\u202f%",
-                        f"k2 {number(deviation.total['k2_max_per_m'])}\u202f/m at x")
+                        "the figures per metre hold", f"{number(deviation.total.k2.max_percent)}\u202f%",
+                        f"k2 {number(deviation.total.k2.max_per_m)}\u202f/m at x")
 
 
 def test_designed_and_realised_share_a_scale_and_deviations_one_about_zero(limited: Designed, plane: Designed) -> None:
@@ -361,11 +384,11 @@ def test_designed_and_realised_share_a_scale_and_deviations_one_about_zero(limit
             assert low <= min(pair.designed.min(), pair.realised.min()) < high
             assert low < max(pair.designed.max(), pair.realised.max()) <= high
     near, far = (fields.deviation_fields(limited[1], limit) for limit in (3.0, 30.0))
-    largest = max(abs(limited[1].total[f"{key}_max_percent"]) for key in fields.QUANTITIES)
+    largest = max(abs(limited[1].total.of(key).max_percent) for key in QUANTITIES)
     assert near.scale == far.scale == largest
     assert far.limit_is_far > near.limit_is_far
     for key, (value, at) in near.worst.items():
-        assert (value, list(at)) == (limited[1].total[f"{key}_max_percent"], limited[1].total[f"{key}_max_at_mm"])
+        assert (value, at) == (limited[1].total.of(key).max_percent, limited[1].total.of(key).max_at_mm)
 
 
 def test_radius_is_drawn_as_curvature_only_where_it_has_to_be() -> None:
@@ -377,13 +400,11 @@ def test_radius_is_drawn_as_curvature_only_where_it_has_to_be() -> None:
     assert np.allclose(vertical.designed, -2000.0)
 
 
-def test_index_lists_every_mirror_and_the_papers_figures(tmp_path: Path, limited: Designed) -> None:
+def test_index_lists_every_mirror_and_the_papers_figures(
+        tmp_path: Path, limited: Designed, methods: MethodComparison) -> None:
     names = ["sphere-1250", "sphere-1050", "sphere-950", "progressive-a", "progressive-b", "progressive-c"]
-    deviation = limited[1].as_json()
-    mirrors = [{"name": name, "metrics": METRICS, "deviation": deviation, "spec": load_spec(name).model_dump(),
-                "laws": [law.in_short() for law in (load_spec(name).horizontal, load_spec(name).vertical)]} for name in names]
-    table1 = {name: {"h_fov_deg": {"ours": 44.82, "paper": 44.8}, "v_fov_left_deg": {"ours": 42.875, "paper": 42.9},
-                     "lane_straightness_percent": {"ours": None, "paper": 40.7}} for name in names[3:]}
+    mirrors = [Built(design(load_spec(name)), limited[1], METRICS, ()) for name in names]
+    table1 = {name: PaperRow(Compared(44.82, 44.8), Compared(42.875, 42.9), Compared(None, 40.7)) for name in names[3:]}
     write_index(tmp_path / "index.html", mirrors, table1, {"fig5": "fig5.png", "fig6": "fig6.png"})
     page = (tmp_path / "index.html").read_text("utf-8")
     assert not re.search(r"https?://|<script|\b(nan|None|null)\b", page)
@@ -393,8 +414,10 @@ def test_index_lists_every_mirror_and_the_papers_figures(tmp_path: Path, limited
     assert not _missing(page, 'src="fig5.png"', 'src="fig6.png"', ">44.82<", ">44.8<", ">+0.02<", ">40.7<",
                         "Y = 2400 + 0.6·X", "is not public", "950 mm", "1250 → 400 mm, zones")
     assert "shape RMS" not in page
-    both = {"methods": {"decoupled": {"shape_rms_percent": 2.3251}, "faithful": {"shape_rms_percent": 1.0093}}}
-    mirrors[-1]["metrics"] = METRICS | both
+    decoupled, other = (replace(one, deviation=in_percent(one.deviation, percent))
+                        for one, percent in zip(methods.both(), (2.3251, 1.0093), strict=True))
+    measured = replace(METRICS, methods=replace(methods, decoupled=decoupled, faithful=other))
+    mirrors[-1] = replace(mirrors[-1], metrics=measured)
     write_index(tmp_path / "index.html", mirrors, table1, {})
     page = (tmp_path / "index.html").read_text("utf-8")
     assert not _missing(page, "shape RMS<br>decoupled<br>faithful", "2.33\u202f%<br>1.01\u202f%", "—<br>—")

@@ -17,6 +17,7 @@ from mirror_cad.surfaces.differential import (
     shape_operator,
     shape_operator_of_sag,
 )
+from mirror_studio.as_json import deviation_as_json
 from tests.conftest import PAPER_MIRRORS, constant, designed, spec_of
 
 
@@ -63,21 +64,21 @@ def test_model_stage_is_the_analytic_curvature_against_the_design(name: str) -> 
     for key, realised, wanted in (("k1", mean + root, np.maximum(kx, ky)), ("k2", mean - root, np.minimum(kx, ky))):
         percent = (100.0 * (realised / wanted - 1.0))[away_from_breaks]
         largest = percent[np.argmax(np.abs(percent))]
-        assert deviation.stages["model"][f"{key}_max_percent"] == pytest.approx(largest, abs=0.02)
+        assert deviation.stages.model.of(key).max_percent == pytest.approx(largest, abs=0.02)
         rms = np.sqrt(np.mean((100.0 * (realised / wanted - 1.0))[grid.weights > 0] ** 2))
-        assert deviation.stages["model"][f"{key}_rms_percent"] == pytest.approx(rms, abs=0.01)
+        assert deviation.stages.model.of(key).rms_percent == pytest.approx(rms, abs=0.01)
 
 
 def test_stages_of_curvature_add_up_to_the_total() -> None:
     deviation = designed("progressive-b").deviation()
-    assert set(deviation.stages) == {"model", "integration", "fit", "step", "stl"}
+    assert set(deviation_as_json(deviation)["stages"]) == {"model", "integration", "fit", "step", "stl"}
     total, parts = deviation.total, deviation.stages
     # kx, ky and twist are linear in the shape operator: at the place of the total's maximum the parts sum to it, and
     # everything but the model is below the sum of their own maxima.
     for key in ("kx", "ky", "twist"):
-        rest = sum(abs(parts[stage][f"{key}_max_percent"]) for stage in ("integration", "fit", "step"))
+        rest = sum(abs(stage.of(key).max_percent) for stage in parts.numerical())
         # in size: the twist has its largest value twice, with either sign
-        assert abs(abs(total[f"{key}_max_percent"]) - abs(parts["model"][f"{key}_max_percent"])) <= rest + 1e-12
+        assert abs(abs(total.of(key).max_percent) - abs(parts.model.of(key).max_percent)) <= rest + 1e-12
     assert deviation.numerical is True
     assert deviation.part is None
 
@@ -184,8 +185,8 @@ def test_hard_laws_meet_the_tolerances(horizontal: dict[str, object], vertical: 
 
 def test_plane_has_no_percent_and_no_curvature() -> None:
     deviation = mirror_cad.design(spec_of(constant(np.inf), constant(np.inf))).deviation()
-    assert deviation.total["k1_max_percent"] is None
-    assert abs(deviation.total["k1_max_per_m"]) < 1e-9
+    assert deviation.total.k1.max_percent is None
+    assert abs(deviation.total.k1.max_per_m) < 1e-9
     assert deviation.numerical is True
 
 
@@ -194,7 +195,7 @@ def test_euler_misses_the_tolerance_and_the_report_says_so() -> None:
     mirror = mirror_cad.design(spec_of(law, constant(1250.0), surface={"integration": "euler", "step_mm": 1.0}))
     deviation = mirror.deviation()
     assert deviation.numerical is False
-    assert 0.05 < abs(deviation.stages["integration"]["k1_max_percent"]) < 1.0
+    assert 0.05 < abs(deviation.stages.integration.k1.max_percent) < 1.0
 
 
 # A blend that begins within 0.03 mm of the edge, and not on it, may miss: the README says so.

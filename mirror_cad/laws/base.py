@@ -62,8 +62,8 @@ class Law(Section):
     def _named(self, handler: Callable[[Law], dict[str, object]]) -> dict[str, object]:
         """With its name, even where defaults are left out; its own keys first."""
         content = handler(self)
-        own = {key: value for key, value in content.items() if key not in self.horizontal_only}
-        return {"law": self.law} | own | content
+        of_law = {key: value for key, value in content.items() if key not in self.horizontal_only}
+        return {"law": self.law} | of_law | content
 
     def over(self, span: Span) -> CurvatureLaw:
         """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them.

@@ -42,7 +42,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Break:
-    """A place where only `smoothness` derivatives of κ are continuous: −1 is a jump, 0 a kink."""
+    """A point where only `smoothness` derivatives of κ are continuous: −1 is a jump, 0 a kink."""
 
     x_mm: float
     smoothness: int
@@ -70,9 +70,8 @@ class CurvatureLaw:
         Raises
         ------
         SpecError
-            Where κ is not finite or above LARGEST_CURVATURE, with the place.
+            Where κ is not finite or above LARGEST_CURVATURE, with the point.
         """
-
         from mirror_cad.surfaces.piecewise import (
             approximate,  # compiled: loaded where a law is worked with, not where one is read
         )
@@ -119,8 +118,8 @@ def over_t(radius: Function, span: Span, breaks: dict[float, int], description: 
     breaks : dict
         How many derivatives are continuous at t, by t.
     """
-    places = sorted((Break(span.x(t), smoothness) for t, smoothness in breaks.items()), key=lambda b: b.x_mm)
-    return CurvatureLaw(lambda x: 1.0 / radius(span.t(x)), tuple(places), description)
+    at = sorted((Break(span.x(t), smoothness) for t, smoothness in breaks.items()), key=lambda b: b.x_mm)
+    return CurvatureLaw(lambda x: 1.0 / radius(span.t(x)), tuple(at), description)
 
 
 def smooth_extrapolation(law: CurvatureLaw, x_min: float, x_max: float, largest: float) -> CurvatureLaw:
@@ -136,10 +135,10 @@ def smooth_extrapolation(law: CurvatureLaw, x_min: float, x_max: float, largest:
     second = first.derivative()
     lengths = {}
     for edge in (x_min, x_max):
-        room = 0.5 * max(largest - abs(float(inside(edge))), 0.0)
+        margin = 0.5 * max(largest - abs(float(inside(edge))), 0.0)
         slope, bend = abs(float(first(edge))), abs(float(second(edge)))
         longest = 0.1 * (x_max - x_min)
-        wanted = min([longest, *([0.5 * room / slope] if slope else []), *([np.sqrt(room / bend)] if bend else [])])
+        wanted = min([longest, *([0.5 * margin / slope] if slope else []), *([np.sqrt(margin / bend)] if bend else [])])
         lengths[edge] = max(wanted, 1e-6 * longest)
 
     def kappa(x: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A formula in t and x as text in, a function on arrays out; nothing but arithmetic is ever run."""
+"""Compile a formula in t and x to a function on arrays; nothing but arithmetic is ever run."""
 
 from __future__ import annotations
 

@@ -18,9 +18,9 @@ from mirror_cad.section_fov import circle_section_fov, rough_section_fov, sectio
 
 # The parameter is solved until the field of view is right to about 1e-10 degrees, far below any tolerance on it.
 MATCH_PRECISION = 1e-12
-# Where to look for it is found by the trapezoidal rule on so many places; on a law that makes sense it errs by far less
+# Where to look for it is found by the trapezoidal rule on so many samples; on a law that makes sense it errs by far less
 # than ROUGH, radians, and what it cannot tell is worked out exactly.
-ROUGH_PLACES, ROUGH = 513, 2e-3
+ROUGH_SAMPLES, ROUGH = 513, 2e-3
 ROUGH_ROOT = 1e-4  # of the parameter: secant steps go on from there
 SECANT_STEPS = 12  # three or four serve
 
@@ -67,17 +67,17 @@ def solve_match(law: Law, eye_distance_mm: float, span: Span, x_min: float, x_ma
         kappa = law.with_parameter(value).over(span).series(x_min, x_max)
         return section_fov_of_sine(sine_of_tangent_angle(kappa, level_mm), x_min, x_max, distance) - wanted
 
-    x = np.linspace(x_min, x_max, ROUGH_PLACES)
+    x = np.linspace(x_min, x_max, ROUGH_SAMPLES)
 
     @cache
     def roughly(value: float) -> float:
         return rough_section_fov(x, law.with_parameter(value).over(span).at(x), level_mm, distance) - wanted
 
     for low, high in itertools.pairwise(values):
-        sure = min(abs(roughly(low)), abs(roughly(high))) > ROUGH
-        if sure and roughly(low) * roughly(high) > 0:
+        decided = min(abs(roughly(low)), abs(roughly(high))) > ROUGH
+        if decided and roughly(low) * roughly(high) > 0:
             continue
-        root = _root(miss, roughly, low, high) if sure or miss(low) * miss(high) <= 0 else None
+        root = _root(miss, roughly, low, high) if decided or miss(low) * miss(high) <= 0 else None
         if root is not None:
             return key, root
     misses = np.array([miss(value) for value in values])
@@ -92,7 +92,8 @@ def solve_match(law: Law, eye_distance_mm: float, span: Span, x_min: float, x_ma
 
 def _root(miss: Callable[[float], float], roughly: Callable[[float], float], low: float, high: float) -> float | None:
     """The root of `miss` between low and high: secant steps from the rough function's root, or Brent's method; None where
-    there is none after all."""
+    there is none after all.
+    """
     if roughly(low) * roughly(high) < 0:
         before = float(brentq(roughly, low, high, xtol=ROUGH_ROOT))
         step = 1e-3 * (low - high)

@@ -55,7 +55,7 @@ def read_columns(path: Path) -> dict[str, list[float]]:
     header = headers[separator]
     columns = _wanted(path, head, header)
     numbers: dict[str, list[float]] = {name: [] for name, _, _ in columns}
-    decimal = _decimal_sign(path, separator, lines[1:], [place for _, place, _ in columns])
+    decimal = _decimal_sign(path, separator, lines[1:], [index for _, index, _ in columns])
     for number, line in lines[1:]:
         cells = _cells(line, separator)
         if not any(cells):
@@ -63,8 +63,8 @@ def read_columns(path: Path) -> dict[str, list[float]]:
         if separator == "," and len(cells) > len(header) and any(cells[len(header):]):
             raise ValueError(f"file = \"{path}\", line {number}: {line.strip()[:80]!r} has {len(cells)} entries under "
                              f"{len(header)} columns: if these are decimal commas, put semicolons or tabs between the columns")
-        for name, place, scale in columns:
-            cell = cells[place] if place < len(cells) else ""
+        for name, index, scale in columns:
+            cell = cells[index] if index < len(cells) else ""
             value = _number(cell, decimal)
             if value is None:
                 if name == "radius_mm" and cell.lower() in ("∞", "infinity", "+inf", "inf"):
@@ -123,8 +123,8 @@ def _column(name: str) -> tuple[str, float] | None:
 
 
 def _wanted(path: Path, head: str, header: list[tuple[str, float] | None]) -> list[tuple[str, int, float]]:
-    """The two columns: key, place and unit in mm."""
-    found = [(column[0], place, column[1]) for place, column in enumerate(header) if column]
+    """The two columns: key, index and unit in mm."""
+    found = [(column[0], index, column[1]) for index, column in enumerate(header) if column]
     names = [name for name, _, _ in found]
     if len(found) > 2 and "x_mm" in names:
         raise ValueError(f"file = \"{path}\" has {len(found)} columns that may be meant ({head.strip()[:80]}): leave one x and "
@@ -136,14 +136,14 @@ def _wanted(path: Path, head: str, header: list[tuple[str, float] | None]) -> li
     return found
 
 
-def _decimal_sign(path: Path, separator: str, lines: list[tuple[int, str]], places: list[int]) -> str:
+def _decimal_sign(path: Path, separator: str, lines: list[tuple[int, str]], indices: list[int]) -> str:
     """What stands before the decimals in the file."""
     if separator == ",":
         return "."
     first: dict[str, tuple[int, str]] = {}
     for number, line in lines:
         cells = _cells(line, separator)
-        for cell in (cells[place] for place in places if place < len(cells)):
+        for cell in (cells[index] for index in indices if index < len(cells)):
             for sign in ",.":
                 if sign in cell:
                     first.setdefault(sign, (number, cell))

@@ -1,4 +1,4 @@
-"""The kernel: the only modules that import OCP, build123d and cadquery. Our records in, shapes and files out."""
+"""The kernel: the only modules that import OCP, build123d and cadquery. They take and return our records."""
 
 from mirror_cad.occt.kernel import check_kernel
 

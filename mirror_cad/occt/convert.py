@@ -1,4 +1,4 @@
-"""Our B-spline records and outline segments in, OCCT geometry out, and back."""
+"""Convert B-spline records and outline segments to OCCT geometry, and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sag on a regular grid in, the kernel's own interpolating or approximating B-spline surface out."""
+"""Fit a B-spline surface to sag on a regular grid by the kernel's own interpolation or approximation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MAX_POINTS = 72
 
 
 def fit_by_kernel(task: FitTask, route: str) -> Fit:
-    """GeomAPI_PointsToBSplineSurface through (or near) MOST_POINTS² heights, on u = x, v = y.
+    """GeomAPI_PointsToBSplineSurface through (or near) MAX_POINTS² heights, on u = x, v = y.
 
     route : "occt-interpolate" (cubic, C²) or "occt-approximate" (degree up to 8, C², to the position tolerance).
     The error is measured off the nodes like any other fit's, since the kernel's IsDone() sees neither NaN nor dents.

@@ -1,4 +1,4 @@
-"""A face on a surface for which the kernel has no true B-spline in; a quadric or B-spline over all of the face out.
+"""Replace the surface of a face that the kernel has no true B-spline for by a quadric or a B-spline over all of the face.
 
 What the kernel's own conversion makes of an offset surface may end before the face does, or fail. Here an offset of a plane,
 cylinder or sphere becomes the one that it is; any other surface a B-spline through its own points, in its own parameters,
@@ -38,10 +38,10 @@ DEGREE = 7  # of the B-spline: its error falls with the eighth power of its span
 FIT_TOLERANCE_MM = 1e-7  # a tenth of what a met point may be off
 SAME_MM = 1e-9  # of a quadric and the offset surface that it is: rounding
 MAX_SPANS = 128  # a direction; tried up to
-STRAY_MM = 0.01  # between an edge in space and in parameters: what other programs call the same place
+STRAY_MM = 0.01  # between an edge in space and in parameters: what other programs call the same point
 EDGE_SAMPLES = 33  # of an edge
 EDGE_CHORDS = 1024  # of an edge: a circle of 150 mm is within 0.001 mm of them
-QUADRIC_SAMPLES = 7  # a direction: a quadric that agrees at 49 places with another one is that one
+QUADRIC_SAMPLES = 7  # a direction: a quadric that agrees at 49 points with another one is that one
 
 
 def offset_as_quadric(face: TopoDS_Face) -> Quadric | None:
@@ -75,8 +75,8 @@ def offset_as_quadric(face: TopoDS_Face) -> Quadric | None:
     quadric = Quadric(quadric.kind, moved[:, :3] @ quadric.centre + moved[:, 3], quadric.axes @ moved[:, :3].T / scale,
                       abs(scale) * quadric.radius_mm)
     u, v, value, _ = _sampler(face)
-    places = np.linspace(u[0], u[-1], QUADRIC_SAMPLES), np.linspace(v[0], v[-1], QUADRIC_SAMPLES)
-    off = np.abs(quadric.evaluate(*np.meshgrid(*places, indexing="ij")) - value(*places)).max()
+    samples = np.linspace(u[0], u[-1], QUADRIC_SAMPLES), np.linspace(v[0], v[-1], QUADRIC_SAMPLES)
+    off = np.abs(quadric.evaluate(*np.meshgrid(*samples, indexing="ij")) - value(*samples)).max()
     return quadric if off <= SAME_MM * (1.0 + abs(quadric.centre).max() + quadric.radius_mm) else None
 
 
@@ -114,8 +114,8 @@ def refuse_stray_edges(face: TopoDS_Face) -> None:
         edge = TopoDS.Edge_s(edges.Current())
         if not BRep_Tool.Degenerated_s(edge):
             flat, space = BRepAdaptor_Curve2d(edge, face), BRepAdaptor_Curve(edge)
-            places = [flat.Value(float(t)) for t in np.linspace(flat.FirstParameter(), flat.LastParameter(), EDGE_SAMPLES)]
-            on_surface = np.array([surface.Value(place.X(), place.Y()).Coord() for place in places])
+            in_plane = [flat.Value(float(t)) for t in np.linspace(flat.FirstParameter(), flat.LastParameter(), EDGE_SAMPLES)]
+            on_surface = np.array([surface.Value(uv.X(), uv.Y()).Coord() for uv in in_plane])
             chords = np.array([space.Value(float(t)).Coord()
                                for t in np.linspace(space.FirstParameter(), space.LastParameter(), EDGE_CHORDS + 1)])
             worst = max(worst, float(_distance(on_surface, chords).max()))  # the two may run at different speeds
@@ -157,8 +157,8 @@ def _sampler(face: TopoDS_Face) -> tuple[Array, Array, Callable[[Array, Array], 
 def _knots(ends: Array, parts: int) -> Array:
     """Clamped knots with `parts` spans a smooth piece; at the ends of pieces the curve is continuous only."""
     inner = [np.linspace(a, b, parts + 1)[1:-1] for a, b in pairwise(ends)]
-    joints = [np.repeat(end, DEGREE) for end in ends[1:-1]]
-    rows = [inner[0]] + [each for pair in zip(joints, inner[1:], strict=True) for each in pair]
+    joined = [np.repeat(end, DEGREE) for end in ends[1:-1]]
+    rows = [inner[0]] + [each for pair in zip(joined, inner[1:], strict=True) for each in pair]
     return np.concatenate([np.repeat(ends[0], DEGREE + 1), *rows, np.repeat(ends[-1], DEGREE + 1)])
 
 

@@ -1,4 +1,4 @@
-"""Curves in a face's parameters in, polygons within a share of the face's size of them out.
+"""Approximate curves in a face's parameters by polygons, within a share of the face's size.
 
 Arcs and splines are evaluated all at once; the kernel, which takes a microsecond a point, evaluates what is neither.
 """
@@ -92,30 +92,31 @@ def _spline_polyline(curve: Geom2d_BSplineCurve, start: float, end: float, scale
 def _is_straight(poles: Array, scale: Array) -> bool:
     """Whether a curve of these poles runs straight from one end to the other: seams do, and are known by it."""
     beside = (poles - poles[0]) / scale
-    way = beside[-1]
-    square = float(way @ way)
+    chord_vector = beside[-1]
+    square = float(chord_vector @ chord_vector)
     if square == 0.0:
         return False
-    along = beside @ way / square
-    off = np.abs(beside - along[:, None] * way).max()
+    along = beside @ chord_vector / square
+    off = np.abs(beside - along[:, None] * chord_vector).max()
     return bool(off <= STRAIGHT * LOOP_CHORD and (np.diff(along) >= -STRAIGHT * LOOP_CHORD).all())
 
 
 def _refined(evaluate: Callable[[Array], Array], t: Array, scale: Array) -> Array:
     """The points of a curve at t and between, so many that its chords are within LOOP_CHORD of it where that is looked at: at
-    a quarter, half and three quarters of each."""
+    a quarter, half and three quarters of each.
+    """
     uv, most = evaluate(t), MAX_CHORDS * len(t)
     open_ = np.ones(len(t) - 1, dtype=np.bool_)  # the chords that have not been found close enough
     while open_.any() and len(t) <= most:
         chord = np.flatnonzero(open_)
         from_, length = t[chord], t[chord + 1] - t[chord]
-        begin, way = uv[chord] / scale, (uv[chord + 1] - uv[chord]) / scale
-        square, off = np.maximum((way**2).sum(axis=1), 1e-300), np.zeros(len(chord))
+        begin, chord_vector = uv[chord] / scale, (uv[chord + 1] - uv[chord]) / scale
+        square, off = np.maximum((chord_vector**2).sum(axis=1), 1e-300), np.zeros(len(chord))
         for share in (0.25, 0.5, 0.75):
             # From the chord itself: a curve may run along it at any pace.
             beside = evaluate(from_ + share * length) / scale - begin
-            along = np.clip((beside * way).sum(axis=1) / square, 0.0, 1.0)
-            off = np.maximum(off, np.linalg.norm(beside - along[:, None] * way, axis=1))
+            along = np.clip((beside * chord_vector).sum(axis=1) / square, 0.0, 1.0)
+            off = np.maximum(off, np.linalg.norm(beside - along[:, None] * chord_vector, axis=1))
         parts = np.ones(len(t) - 1, dtype=np.intp)
         parts[chord] = np.clip(np.ceil(np.sqrt(off / LOOP_CHORD)), 1, MAX_PARTS)  # the error falls with the square
         if parts.max() == 1:

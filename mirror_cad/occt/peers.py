@@ -1,4 +1,4 @@
-"""Point grids, solids and our surfaces in, what OCCT, build123d and cadquery themselves make of them out: for comparison."""
+"""What OCCT, build123d and cadquery themselves make of point grids, solids and our surfaces: for comparison."""
 
 from __future__ import annotations
 
@@ -84,7 +84,8 @@ def cadquery_stl(solid: TopoDS_Solid, path: Path) -> None:
 
 def local_properties(surface: BSplineSurface) -> Callable[[Array, Array], tuple[Array, Array, Array]]:
     """GeomLProp_SLProps on the surface: (u, v), each (n,), -> points (n, 3), normals (n, 3) and κ1 ≥ κ2 (n, 2), 1/mm, by
-    a call for each point. Convex positive, as ours."""
+    a call for each point. Convex positive, as ours.
+    """
     properties = GeomLProp_SLProps(to_geom_surface(surface), 2, RESOLUTION_MM)
 
     def evaluate(u: Array, v: Array) -> tuple[Array, Array, Array]:

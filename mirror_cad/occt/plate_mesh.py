@@ -1,4 +1,4 @@
-"""Front, back and outline of a plate in, a closed triangle mesh within a deflection of it out.
+"""Mesh a plate by closed triangles within a deflection of its front, back and rim.
 
 The kernel's mesher takes a deflection as advice: on faces that are straight one way, or whose curvature changes sign, it
 leaves facets several times off however fine a mesh is asked for, and at times does not end. So both faces are triangulated
@@ -35,8 +35,8 @@ CLEARANCE = 0.55  # lattice to rim, in the metric: outside the circles over the 
 LARGEST_STEP = 1 / 6  # of the mirror's larger side: where it is flat
 LONGEST_FACET = 4.0  # length of a facet against its width where the surface is straight one way: no needles
 GRADING = 0.3  # change of the lattice's step per mm: neighbouring facets are of like size
-HELD = 0.98  # of the deflection: a facet is measured at four places only
-SAMPLES = 241  # places a direction at which the curvature is looked at
+HELD = 0.98  # of the deflection: a facet is measured at four points only
+SAMPLES = 241  # points a direction at which the curvature is looked at
 ROUNDS = 40  # of more nodes: a few serve, a neck thinner than the deflection takes one a halving
 
 
@@ -117,8 +117,8 @@ class _Metric:
         within = outline.contains(uv[:, 0], uv[:, 1])
         nodes, uv = nodes[within], uv[within]
         ends = self(rim.uv)
-        places = np.concatenate([ends, 0.5 * (ends + np.roll(ends, -1, axis=0))])
-        clear: Array = uv[cKDTree(places).query(nodes)[0] >= CLEARANCE] if len(nodes) else uv
+        points = np.concatenate([ends, 0.5 * (ends + np.roll(ends, -1, axis=0))])
+        clear: Array = uv[cKDTree(points).query(nodes)[0] >= CLEARANCE] if len(nodes) else uv
         return clear
 
 
@@ -145,7 +145,7 @@ class _Rim:
         """Edges halved until each is at most LONGEST_RIM in the metric and its sides hold RIM_SHARE of the deflection."""
         segments = outline.segments
         keys = np.concatenate([i + _first_parameters(segment) for i, segment in enumerate(segments)])
-        rim = _Rim(segments, keys, _places(segments, keys))
+        rim = _Rim(segments, keys, _points(segments, keys))
         fresh = np.arange(len(keys))
         while len(fresh):
             wide = fresh[rim._strays(faces, fresh, metric, RIM_SHARE * deflection_mm)]
@@ -163,7 +163,7 @@ class _Rim:
         middles = np.sort(0.5 * (self.keys[edges] + self._ends()[edges]))
         at = np.searchsorted(self.keys, middles)
         return _Rim(self.segments, np.insert(self.keys, at, middles),
-                    np.insert(self.uv, at, _places(self.segments, middles), axis=0))
+                    np.insert(self.uv, at, _points(self.segments, middles), axis=0))
 
     def _ends(self) -> Array:
         return np.append(self.keys[1:], float(len(self.segments)))
@@ -172,13 +172,13 @@ class _Rim:
         start, end = self.uv[edges], np.roll(self.uv, -1, axis=0)[edges]
         strays: Flags = np.linalg.norm(metric(end) - metric(start), axis=1) > LONGEST_RIM
         first, last = self.keys[edges], self._ends()[edges]
-        inner = [_places(self.segments, first + share * (last - first)) for share in (0.25, 0.5, 0.75)]
+        inner = [_points(self.segments, first + share * (last - first)) for share in (0.25, 0.5, 0.75)]
         corners = []
         for face in faces:
             a, b = face.evaluate(*start.T), face.evaluate(*end.T)
             along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
-            for place in inner:
-                strays |= np.linalg.norm(np.cross(face.evaluate(*place.T) - a, along), axis=1) > allowed_mm
+            for point in inner:
+                strays |= np.linalg.norm(np.cross(face.evaluate(*point.T) - a, along), axis=1) > allowed_mm
             corners += [a, b]
         # The two triangles of a side meet in its diagonal, whose middle lies off the ruled side that is twisted.
         a, b, behind_a, behind_b = corners
@@ -200,16 +200,16 @@ def _first_parameters(segment: Segment) -> Array:
     return np.zeros(1)
 
 
-def _places(segments: tuple[Segment, ...], keys: Array) -> Array:
+def _points(segments: tuple[Segment, ...], keys: Array) -> Array:
     """The points (n, 2) of the outline at keys, which may come in any order."""
-    places = np.empty((len(keys), 2))
+    points = np.empty((len(keys), 2))
     # A key that rounding puts on the next integer is the segment's end.
     owner = np.minimum(keys.astype(np.int64), len(segments) - 1)
     order = np.argsort(owner, kind="stable")
     for group in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1) if len(order) else ():
         i = int(owner[group[0]])
-        places[group] = segments[i].point(np.clip(keys[group] - i, 0.0, 1.0))
-    return places
+        points[group] = segments[i].point(np.clip(keys[group] - i, 0.0, 1.0))
+    return points
 
 
 def _edges_to_halve(faces: tuple[BSplineSurface, ...], uv: Array, triangles: Indices, metric: _Metric,

@@ -1,4 +1,4 @@
-"""The path of a CAD file in; its faces, with what they are called and as plain arrays, out: what the child process runs.
+"""Read the faces of a CAD file as plain arrays, with what they are called: what the child process runs.
 
 Nothing here returns more than numbers, texts and arrays (`mirror_cad.cad_file` makes records of them), and nothing imports
 numba, so that the child is ready in half of the time.
@@ -112,7 +112,7 @@ def listed(path: str, with_areas: bool) -> tuple[list[Listed], list[str]]:
 
 
 def shapes(path: str, wanted: list[int], splines: bool) -> list[object]:
-    """The wanted faces (their places in `listed`) in arrays.
+    """The wanted faces (their indices in `listed`) in arrays.
 
     Each is (sort, its data, loops, sign): "quadric" with kind, centre, axes and radius; "bspline" with what `bspline_arrays`
     gives; "mesh" with vertices and triangles, no loops and sign 1. splines : whether quadrics are wanted as B-splines.
@@ -323,7 +323,7 @@ Leaf = tuple[TDF_Label, TopLoc_Location, tuple[str, ...], tuple[TDF_Label, ...]]
 
 def _leaves(label: TDF_Label, location: TopLoc_Location, parts: tuple[str, ...],
             above: tuple[TDF_Label, ...]) -> Iterator[Leaf]:
-    """The parts of an assembly that are no assemblies: label, place, the names from the top down, the labels above."""
+    """The parts of an assembly that are no assemblies: label, location, the names from the top down, the labels above."""
     here = label
     if XCAFDoc_ShapeTool.IsReference_s(label):
         here = TDF_Label()

@@ -1,4 +1,4 @@
-"""A kernel shape in, its faces and solids out."""
+"""The faces and solids of a kernel shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surface, outline and thickness in, the trimmed optical face and the plate behind or before it out."""
+"""The trimmed optical face, and the plate behind or before it."""
 
 from __future__ import annotations
 
@@ -132,7 +132,8 @@ def _pcurves(outline: Outline) -> list[Geom2d_Curve]:
 
 def _face(surface: Geom_BSplineSurface, pcurves: list[Geom2d_Curve]) -> TopoDS_Face:
     """The part of a surface inside trimming curves in (u, v), which are met exactly; the edges in space follow to
-    EDGE_TOLERANCE_MM."""
+    EDGE_TOLERANCE_MM.
+    """
     wire = BRepBuilderAPI_MakeWire()
     for curve in pcurves:
         edge = BRepBuilderAPI_MakeEdge(curve, surface, curve.FirstParameter(), curve.LastParameter()).Edge()

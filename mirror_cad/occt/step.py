@@ -1,4 +1,4 @@
-"""Shapes in, AP242 STEP files with named and coloured faces out; STEP files in, named faces as B-splines out."""
+"""Write AP242 STEP files with named and coloured faces, and read named faces of STEP files as B-splines."""
 
 from __future__ import annotations
 

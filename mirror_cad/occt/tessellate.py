@@ -1,4 +1,4 @@
-"""A shape and a deflection in, triangles and STL files out; STL files in, triangles out."""
+"""Triangulation of shapes, and STL files written and read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
 from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
 from OCP.RWStl import RWStl
-from OCP.StlAPI import StlAPI_Writer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
@@ -57,15 +56,6 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
     return SurfaceMesh(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]), faces)
 
 
-def write_stl(path: Path, shape: TopoDS_Shape, deflection_mm: float) -> None:
-    """Write a shape as binary STL, meshed by `triangulate`. Raises: WriteError where it cannot be written."""
-    triangulate(shape, deflection_mm)
-    writer = StlAPI_Writer()
-    writer.ASCIIMode = False
-    if not writer.Write(shape, str(path)):
-        raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
-
-
 def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
     """Write triangles as binary STL: float32 corners, facets in the mesh's order.
 
@@ -92,12 +82,13 @@ def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
 
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of a binary or ASCII STL file, equal corners as one vertex. Raises: FileError for one that holds none, or
-    corners that are not finite."""
+    corners that are not finite.
+    """
     if not path.is_file():
         raise FileError(f"{path}: no such file")
     corners = _binary_corners(path)
     if corners is not None:
-        rows = np.ascontiguousarray(corners.reshape(-1, 3) + np.float32(0.0))  # −0 and 0 are one place
+        rows = np.ascontiguousarray(corners.reshape(-1, 3) + np.float32(0.0))  # −0 and 0 are one point
         _, first, index = np.unique(rows.view("V12").ravel(), return_index=True, return_inverse=True)
         return SurfaceMesh(rows[first].astype(np.float64), index.reshape(-1, 3).astype(np.int32))
     triangulation = RWStl.ReadFile_s(str(path))

@@ -1,4 +1,4 @@
-"""Nodes in the plane, the first of them a closed loop, in; the Delaunay triangles inside the loop, with its edges, out."""
+"""Delaunay triangulation of nodes inside a closed loop, which keeps the edges of the loop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.spatial import Delaunay
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-Place = tuple[float, float]
+Point = tuple[float, float]
 Triangle = tuple[int, int, int]
 
 FLAT = 1e-9  # height of a triangle over its longest side: nodes of a straight loop, in line to rounding
@@ -112,7 +112,7 @@ def _with_loop(nodes: Array, triangles: Indices, loop: int) -> Indices:
     lacking = _lacking(triangles, loop).tolist()
     if not lacking:
         return triangles
-    at: list[Place] = [(x, y) for x, y in nodes.tolist()]
+    at: list[Point] = [(x, y) for x, y in nodes.tolist()]
     start, end = sides_of(triangles)
     apexes = np.roll(triangles, 1, axis=1).ravel()
     apex = dict(zip(zip(start.tolist(), end.tolist(), strict=True), apexes.tolist(), strict=True))
@@ -137,9 +137,9 @@ def _with_loop(nodes: Array, triangles: Indices, loop: int) -> Indices:
     return np.array([(i, j, k) for (i, j), k in apex.items() if i < j and i < k], dtype=np.int64)
 
 
-def _crossed(at: list[Place], apex: dict[tuple[int, int], int], around: set[int], a: int, b: int, loop: int,
+def _crossed(at: list[Point], apex: dict[tuple[int, int], int], around: set[int], a: int, b: int, loop: int,
              ) -> tuple[list[Triangle], list[int], list[int]] | None:
-    """The triangles that the way from a to b runs through, and the nodes to its left and right; None where it is barred."""
+    """The triangles that the segment from a to b runs through, and the nodes to its left and right; None where it is barred."""
     gates = ((p, apex[a, p]) for p in around)
     p, q = next((gate for gate in gates if _turn(at[a], at[b], at[gate[0]]) < 0.0 < _turn(at[a], at[b], at[gate[1]])), (a, a))
     if p == a:
@@ -164,7 +164,7 @@ def _crossed(at: list[Place], apex: dict[tuple[int, int], int], around: set[int]
             right.append(p)
 
 
-def _filled(at: list[Place], a: int, b: int, chain: list[int]) -> list[Triangle]:
+def _filled(at: list[Point], a: int, b: int, chain: list[int]) -> list[Triangle]:
     """Delaunay triangles between the edge a, b and the chain of nodes to its left, from a to b."""
     made: list[Triangle] = []
     pending = [(a, b, chain)]
@@ -182,20 +182,20 @@ def _filled(at: list[Place], a: int, b: int, chain: list[int]) -> list[Triangle]
     return made
 
 
-def _turn(a: Place, b: Place, c: Place) -> float:
-    """Twice the area of a, b, c: positive where c lies to the left of the way from a to b."""
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Twice the area of a, b, c: positive where c lies to the left of the segment from a to b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _in_circle(a: Place, b: Place, c: Place, d: Place) -> bool:
+def _in_circle(a: Point, b: Point, c: Point, d: Point) -> bool:
     """Whether d lies inside the circle through a, b and c, which run counter-clockwise."""
     ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
     return ax * (by * cc - bb * cy) - ay * (bx * cc - bb * cx) + aa * (bx * cy - by * cx) > 0.0
 
 
-def doubled_area(places: Array, triangles: Indices) -> Array:
+def doubled_area(points: Array, triangles: Indices) -> Array:
     """Twice the area of triangles in the plane, positive where they run counter-clockwise."""
-    a, b, c = (places[triangles[:, k]] for k in range(3))
+    a, b, c = (points[triangles[:, k]] for k in range(3))
     result: Array = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     return result

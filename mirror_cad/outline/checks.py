@@ -1,4 +1,4 @@
-"""A closed polygon in, an `OutlineError` naming the place out where it crosses, touches or folds back on itself."""
+"""Refuse a closed polygon that crosses, touches or folds back on itself, and say where."""
 
 from __future__ import annotations
 

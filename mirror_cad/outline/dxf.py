@@ -1,4 +1,4 @@
-"""A DXF file in, the pieces drawn in it out; and an outline in, a DXF file of it out."""
+"""Read the pieces drawn in a DXF file, and write an outline to one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A DXF file in, the entities that a viewer would draw of it out: visible layers, blocks taken apart, damage repaired."""
+"""The entities of a DXF file that a viewer would draw: visible layers, blocks taken apart, damage repaired."""
 
 from __future__ import annotations
 

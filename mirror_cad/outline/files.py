@@ -1,4 +1,4 @@
-"""A DXF or SVG file in, the mirror's outline drawn in it out: its pieces chained into one closed loop."""
+"""Read a mirror's outline from a DXF or SVG file, chaining its pieces into one closed loop."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def read_outline(path: str | os.PathLike[str], options: FileOptions = AS_DRAWN) 
 
     Circular arcs become `Arc`, elliptic ones exact rational `Spline`, Bezier curves `Spline`.
 
-    Raises `OutlineError`, naming file, entity, place and numbers, for a file that is missing, empty, larger than
+    Raises `OutlineError`, naming file, entity, point and numbers, for a file that is missing, empty, larger than
     20 MB, not DXF or SVG, damaged beyond repair, or has more than 20 000 segments; an unknown unit or layer; no geometry;
     an open outline; several loops; and whatever `mirror_cad.outline.closed_outline` refuses.
     """
@@ -218,16 +218,16 @@ def _chained(pieces: list[Piece], file: Path, options: FileOptions, notes: list[
     join_mm = max([FILE_JOIN_TOLERANCE_MM, *(1.000001 * gap for gap, _ in joined)])
     if len(chains) == 1:
         return closed_outline([piece.segment for piece in chains[0]], source, join_mm)
-    places = []
+    extents = []
     for chain in chains[:4]:
         x_min, x_max, y_min, y_max = _extent(piece.segment for piece in chain)
-        places.append(f"x {x_min:.6g} to {x_max:.6g} and y {y_min:.6g} to {y_max:.6g} mm (from {chain[0].label})")
+        extents.append(f"x {x_min:.6g} to {x_max:.6g} and y {y_min:.6g} to {y_max:.6g} mm (from {chain[0].label})")
     found = (f"{closed} closed loop{'s' * (closed != 1)} and {len(chains) - closed} leftover open "
              f"piece{'s' * (len(chains) - closed != 1)}")
     if options.loop == "outermost":
         return _outermost(chains, file, join_mm, found, notes)
     raise OutlineError(
-        f"{source}: {found} found, but an outline is one closed loop: {'; '.join(places)}"
+        f"{source}: {found} found, but an outline is one closed loop: {'; '.join(extents)}"
         f"{'; ...' if len(chains) > 4 else ''}; keep one and delete the rest, name its layer with outline.layer, or take the "
         "one around the others with outline.loop = \"outermost\""
     )

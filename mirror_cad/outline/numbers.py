@@ -1,4 +1,4 @@
-"""Numbers as a caller or a file gives them in, points and tolerances that can be computed with or an `OutlineError` out."""
+"""Points and tolerances as callers and files give them, made fit to compute with or refused by an `OutlineError`."""
 
 from __future__ import annotations
 

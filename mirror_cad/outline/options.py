@@ -1,4 +1,4 @@
-"""What a specification says of its outline file in, and what was found in the file beside the curve out."""
+"""What a specification says of its outline file, and what was found in the file beside the curve."""
 
 from __future__ import annotations
 

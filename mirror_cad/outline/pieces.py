@@ -1,4 +1,4 @@
-"""What files say of curves in, labelled segments in mirror coordinates out: what the readers of both formats share."""
+"""Labelled segments in mirror coordinates: what the readers of both drawing formats share."""
 
 from __future__ import annotations
 

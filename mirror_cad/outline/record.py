@@ -1,4 +1,4 @@
-"""Segments in, the mirror's outline out: one closed plane curve.
+"""A mirror's outline: one closed plane curve of segments.
 
 Coordinates are mirror coordinates in millimetres, x to the right and y up as one looks at the reflecting face. An
 `Outline` runs counter-clockwise. Segments are exact; only `Outline.polyline` and `Outline.contains` work on straight
@@ -155,7 +155,7 @@ def _joined(segments: Sequence[Segment], source: str, tolerance_mm: float) -> li
     if count == 1 and isinstance(segments[0], Arc):
         only = segments[0]
         return [Arc(only.centre, only.radius_mm, only.start_angle, math.copysign(FULL_TURN, only.sweep))]
-    joints: list[Point] = [
+    vertices: list[Point] = [
         (0.5 * (a.end[0] + b.start[0]), 0.5 * (a.end[1] + b.start[1])) for a, b in zip(segments, following, strict=True)
     ]
     # An arc that meets a line or a spline stays as it is and they move to it, so that no radius is touched without
@@ -168,18 +168,18 @@ def _joined(segments: Sequence[Segment], source: str, tolerance_mm: float) -> li
     for i, segment in enumerate(segments):
         if isinstance(segment, Arc) and (move[i - 1] or move[i]):
             result[i] = _arc_moved_to(
-                segment, joints[i - 1] if move[i - 1] else segment.start, joints[i] if move[i] else segment.end
+                segment, vertices[i - 1] if move[i - 1] else segment.start, vertices[i] if move[i] else segment.end
             )
     for i in range(count):
         here, after = result[i], result[(i + 1) % count]
         if isinstance(here, Arc):
-            joints[i] = here.end
+            vertices[i] = here.end
         elif isinstance(after, Arc):
-            joints[i] = after.start
+            vertices[i] = after.start
     joined: list[Segment] = []
     for i, segment in enumerate(result):
         if not isinstance(segment, Arc):
-            segment = _with_ends(segment, joints[i - 1], joints[i])
+            segment = _with_ends(segment, vertices[i - 1], vertices[i])
         if not (isinstance(segment, Line) and segment.start == segment.end):
             joined.append(segment)
     return joined
@@ -194,7 +194,7 @@ def closed_outline(
     other, and two arcs half-way to each other (keeping their sweep, beyond half a turn their middle point). A loop
     that runs clockwise is reversed. `source` names the origin of the segments in messages.
 
-    Raises `OutlineError`, naming the place and the numbers, where there is no segment, a gap is larger, the outline
+    Raises `OutlineError`, naming the point and the numbers, where there is no segment, a gap is larger, the outline
     is not more than 1 mm and less than 1e5 mm both ways, crosses, touches or folds back on itself (checked on a
     polygon with a chord tolerance of 1e-4 mm), or encloses no area.
     """

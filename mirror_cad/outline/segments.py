@@ -1,4 +1,4 @@
-"""Points, angles and radii in, the segments of an outline out: lines and circular arcs, and the splines of their own module.
+"""The segments of an outline: lines and circular arcs; splines have a module to themselves.
 
 All segments have the same methods. They are exact; only `samples` works on straight edges.
 """

@@ -1,4 +1,4 @@
-"""Degree, knots, poles and weights in, a clamped B-spline curve out, with its bounds, its samples and the area it sweeps."""
+"""A clamped B-spline curve of an outline, with its bounds, its samples and the area it sweeps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An SVG file in, the pieces that a viewer would draw of it out: groups, uses, switches, clips that cut nothing."""
+"""The pieces of an SVG file that a viewer would draw: groups, uses, switches, clips that cut nothing."""
 
 from __future__ import annotations
 
@@ -118,7 +118,8 @@ class _Clip(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class _State:
     """What an element inherits: map to the mirror's coordinates, whether it is visible, whether it lies on the layer that is
-    asked for, the clips about it, and the ids of the uses that it is in."""
+    asked for, the clips about it, and the ids of the uses that it is in.
+    """
 
     frame: Frame
     visible: bool

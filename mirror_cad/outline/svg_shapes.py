@@ -1,4 +1,4 @@
-"""A shape element of an SVG file in, its segments in mirror coordinates out."""
+"""The segments of a shape element of an SVG file, in mirror coordinates."""
 
 from __future__ import annotations
 

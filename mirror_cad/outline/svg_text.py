@@ -1,4 +1,4 @@
-"""The texts of SVG attributes in, what they mean out: numbers, lengths, the maps of transforms, the segments of paths."""
+"""Parse SVG attributes: numbers, lengths, transforms, and the segments of paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sizes of a truck mirror in, its rounded quadrilateral out."""
+"""The rounded quadrilateral of a truck mirror."""
 
 from __future__ import annotations
 

@@ -50,13 +50,13 @@ def load_spec(name_or_path: str | Path) -> MirrorSpec:
     return validate_spec(raw, source, folder)
 
 
-def read_toml(name_or_path: str | Path, own: Traversable, kind: str) -> tuple[dict[str, Any], str, Path]:
+def read_toml(name_or_path: str | Path, built_in: Traversable, kind: str) -> tuple[dict[str, Any], str, Path]:
     """Read a TOML file, or the one of that name in one of the package's folders.
 
     Parameters
     ----------
     name_or_path : str or Path
-    own : Traversable
+    built_in : Traversable
         The package's folder.
     kind : str
         What its files are called in messages.
@@ -72,9 +72,9 @@ def read_toml(name_or_path: str | Path, own: Traversable, kind: str) -> tuple[di
         For a file that is missing, too large, no text or no TOML.
     """
     path = Path(name_or_path)
-    names = names_in(own)
+    names = names_in(built_in)
     if str(name_or_path) in names:
-        text, source, folder = (own / f"{name_or_path}.toml").read_text("utf-8"), str(name_or_path), Path(".")
+        text, source, folder = (built_in / f"{name_or_path}.toml").read_text("utf-8"), str(name_or_path), Path(".")
     else:
         text, source, folder = _read_text(path, names, kind), path.name, path.parent
     try:
@@ -117,7 +117,8 @@ def validated(model: type[Root], raw: Mapping[str, object], source: str, folder:
 
 def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
     """Make JSON of a specification, which can be read again: without what was left out, with an infinite radius as the text
-    "inf", and of an outline from a file without the sizes that it replaces."""
+    "inf", and of an outline from a file without the sizes that it replaces.
+    """
 
     def plain(value: Any) -> Any:
         if isinstance(value, dict):

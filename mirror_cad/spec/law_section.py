@@ -26,9 +26,9 @@ def vertical_law(section: object, info: ValidationInfo) -> Law:
     if not isinstance(section, Mapping):
         return _law(section, {})
     foreign = {key: value for key, value in section.items() if key in Law.horizontal_only}
-    own = {key: value for key, value in section.items() if key not in foreign}
+    of_law = {key: value for key, value in section.items() if key not in foreign}
     try:
-        law = _law(own, dict(info.context or {}) | {VERTICAL: True})
+        law = _law(of_law, dict(info.context or {}) | {VERTICAL: True})
     except ValidationError as error:
         _refuse(foreign, [InitErrorDetails(type=detail["type"], loc=detail["loc"], input=detail["input"],
                                            ctx=detail.get("ctx", {})) for detail in error.errors(include_url=False)])

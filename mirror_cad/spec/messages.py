@@ -1,4 +1,4 @@
-"""What a validation found wrong in, a sentence for people out: what, where, which value, what is allowed, the nearest name."""
+"""Say in a sentence what a validation found wrong: what, where, which value, what is allowed, the nearest name."""
 
 from __future__ import annotations
 

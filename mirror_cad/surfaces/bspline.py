@@ -1,4 +1,4 @@
-"""Tensor-product B-spline surfaces as plain records: parameters in, points and derivatives out."""
+"""Tensor-product B-spline surfaces as plain records, with their points and derivatives."""
 
 from __future__ import annotations
 

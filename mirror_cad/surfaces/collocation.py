@@ -1,4 +1,4 @@
-"""Points over (u, v) and knots in, the B-spline surface through them at the Greville abscissae out."""
+"""Collocate a B-spline surface: through given points at the Greville abscissae of its knots."""
 
 from __future__ import annotations
 

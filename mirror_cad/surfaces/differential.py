@@ -1,4 +1,4 @@
-"""Derivatives of a surface in, normals, shape operator and principal curvatures out."""
+"""Normals, shape operator and principal curvatures of a surface, from its derivatives."""
 
 from __future__ import annotations
 
@@ -111,14 +111,6 @@ def principal_curvatures(surface: BSplineSurface, u: ArrayLike, v: ArrayLike) ->
     Raises: SurfaceError where S_u × S_v vanishes or (u, v) lies outside the surface.
     """
     return np.stack(principal_curvatures_of(shape_operator(surface.derivatives(u, v))), axis=-1)
-
-
-def mean_curvature_and_difference(w: ShapeOperator) -> tuple[Array, Array]:
-    """The paper's Km = (1/Rx + 1/Ry)/2 and Ka = (1/Rx − 1/Ry)/2 along the two sections, 1/mm.
-
-    Source: eq. 1 of Lee et al. (2014), with the realised kx and ky.
-    """
-    return 0.5 * (w.w11 + w.w22), 0.5 * (w.w11 - w.w22)
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Curvature laws and the decoupled surface in, the height field whose shape operator comes closest to the laws out."""
+"""The height field whose shape operator comes closest to both curvature laws, in least squares."""
 
 from __future__ import annotations
 
@@ -47,20 +47,20 @@ MAX_EVALUATIONS = 20  # four to eight are the rule; a law that tears the surface
 CONVERGED = 1e-9
 
 
-# Derivatives of the rest more than of κ₁ and κ₂ that stay continuous at a break of theirs.
-REST_GAINED = (3, 2)
+# Derivatives of the residual height more than of κ₁ and κ₂ that stay continuous at a break of theirs.
+RESIDUAL_CONTINUITY = (3, 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaithfulSag:
     """z(x, y) = z_p(x) + r(x, y): the exact horizontal profile and a B-spline over (x, y).
 
-    rest : r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ₂, and of κ₁, whose own
-    share is in the profile, the slope's effect alone. So it has no crease, whose curvature least squares could not see.
+    residual : r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ₂, and of κ₁, whose
+    own share is in the profile, the slope's effect alone. So it has no crease, whose curvature least squares could not see.
     """
 
     profile: Profile
-    rest: BSplineSurface
+    residual: BSplineSurface
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """z at (x, y), mm, broadcast."""
@@ -70,9 +70,9 @@ class FaithfulSag:
         """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         if x.ndim == 2 and x.shape[1] == 1 and y.ndim == 1:
-            d = self.rest.on_grid(x[:, 0], y, component=2)
+            d = self.residual.on_grid(x[:, 0], y, component=2)
         else:
-            d = {key: value[..., 2] for key, value in self.rest.derivatives(x, y).items()}
+            d = {key: value[..., 2] for key, value in self.residual.derivatives(x, y).items()}
         profile = self.profile
         return SagDerivatives(profile.height(x) + d["s"], profile.slope(x) + d["u"], d["v"],
                               profile.bend(x) + d["uu"], d["uv"], d["vv"])
@@ -107,7 +107,7 @@ def closest_surface(curvature: DesignedCurvature, outline: Outline, start: Decou
 
     W : the shape operator in the frame of `ShapeOperator`. Point and normal at the origin are those of `start`, the
     decoupled surface, from which the Levenberg–Marquardt iteration of MINPACK sets out with analytic derivatives.
-    domain : where the surface is wanted, mm.   breaks : the derivatives of the rest that stay continuous at the laws' own.
+    domain : where the surface is wanted, mm.   breaks : the derivatives of the residual that stay continuous at the laws' own.
     spans : over the mirror's box, or "auto": raised until more gain nothing.
     Sources: do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3 for W; J. Moré, The
     Levenberg–Marquardt algorithm, Lecture Notes in Mathematics 630 (1978).
@@ -137,13 +137,13 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
             raise SurfaceError(f"surface.spans = [{nx}, {ny}] with method = \"faithful\" asks for {poles} unknowns, at most "
                                f"{MAX_POLES} are solved for: fewer spans "
                                f"(\"auto\" takes [{LEVELS[-1][0]}, {LEVELS[-1][1]}] at most)")
-        rest = collocate_height(start.residual_height, *knots, degree)
+        residual = collocate_height(start.residual_height, *knots, degree)
         unknowns = evaluations = 0
         if rms > 0.0:  # a plane has nothing to solve for
-            problem = _Problem(curvature, outline, start.profile, rest, ends)
+            problem = _Problem(curvature, outline, start.profile, residual, ends)
             unknowns = problem.unknowns
-            rest, evaluations = problem.solve()
-        sag = FaithfulSag(start.profile, rest)
+            residual, evaluations = problem.solve()
+        sag = FaithfulSag(start.profile, residual)
         reached = _shape_rms_percent(sag, curvature, outline, rms)
         levels.append(Level((len(ends[0]) - 1, len(ends[1]) - 1), unknowns, evaluations, reached, time.perf_counter() - began))
         if settled or reached is None or reached < enough_percent or (
@@ -188,25 +188,25 @@ def _ends(domain: tuple[float, float], box: tuple[float, float], breaks: Sequenc
 
 
 class _Problem:
-    """Least squares for the poles of the rest: residuals √weight·(W11 − 1/Rx, W22 − 1/Ry, √2·W12) at Gauss points.
+    """Least squares for the poles of the residual height: residuals √weight·(W11 − 1/Rx, W22 − 1/Ry, √2·W12) at Gauss points.
 
     The poles are those of the start plus N·c, where the columns of N span what leaves r, r_x and r_y at the origin alone.
     A mirror that is symmetric in y has a symmetric closest surface: then only its upper half is looked at.
     """
 
-    def __init__(self, curvature: DesignedCurvature, outline: Outline, profile: Profile, rest: BSplineSurface,
+    def __init__(self, curvature: DesignedCurvature, outline: Outline, profile: Profile, residual: BSplineSurface,
                  ends: tuple[Array, Array]) -> None:
-        self.rest = rest
+        self.residual = residual
         x, weight_x = _gauss(ends[0])
         y, weight_y = _gauss(ends[1])
         inside = _share_inside(outline, ends, weight_x, weight_y)
-        basis_x = dense_basis(rest.knots_u, rest.degree_u, x, 2)
-        basis_y = dense_basis(rest.knots_v, rest.degree_v, y, 2)
-        origin_x = dense_basis(rest.knots_u, rest.degree_u, np.zeros(1), 1)
-        origin_y = dense_basis(rest.knots_v, rest.degree_v, np.zeros(1), 1)
-        poles = rest.poles[..., 2]
+        basis_x = dense_basis(residual.knots_u, residual.degree_u, x, 2)
+        basis_y = dense_basis(residual.knots_v, residual.degree_v, y, 2)
+        origin_x = dense_basis(residual.knots_u, residual.degree_u, np.zeros(1), 1)
+        origin_y = dense_basis(residual.knots_v, residual.degree_v, np.zeros(1), 1)
+        poles = residual.poles[..., 2]
         self.fold: Array | None = None
-        if _mirrored(y) and _mirrored(rest.knots_v) and np.array_equal(inside, inside[:, ::-1]):
+        if _mirrored(y) and _mirrored(residual.knots_v) and np.array_equal(inside, inside[:, ::-1]):
             upper = y > 0.0
             y, weight_y, inside, basis_y = y[upper], weight_y[upper], inside[:, upper], basis_y[:, upper]
             n = poles.shape[1]
@@ -239,7 +239,7 @@ class _Problem:
         return int(self.free.shape[1])
 
     def solve(self) -> tuple[BSplineSurface, int]:
-        """The rest with its poles where the sum of squares is least, and how often that was evaluated."""
+        """The residual height with its poles where the sum of squares is least, and how often that was evaluated."""
         c, evaluations, most = np.zeros(self.unknowns), 0, MAX_EVALUATIONS
         for _ in range(1 + LATER_STEPS):
             found = least_squares(self._residuals, c, jac=self._jacobian, method="lm", x_scale="jac",
@@ -247,10 +247,10 @@ class _Problem:
             c, evaluations = found.x, evaluations + int(found.nfev)
             self.target[:, ~self.inside] = self._shape(c)[:, ~self.inside]
             most = 2  # one step: so near the end they are right to second order
-        heights = (self.start + self.free @ c).reshape(self.rest.poles.shape[0], -1)
+        heights = (self.start + self.free @ c).reshape(self.residual.poles.shape[0], -1)
         if self.fold is not None:
             heights = heights @ self.fold.T
-        return graph(self.rest.knots_u, self.rest.knots_v, self.rest.degree_u, heights), evaluations
+        return graph(self.residual.knots_u, self.residual.knots_v, self.residual.degree_u, heights), evaluations
 
     def _derivatives(self, c: Array) -> list[Array]:
         poles = self.start + self.free @ c
@@ -303,14 +303,14 @@ def _share_inside(outline: Outline, ends: tuple[Array, Array], weight_x: Array, 
 
     A plain yes or no would let the surface bend freely in the cells that the outline cuts.
     """
-    places = []
+    samples = []
     for end, weight in ((ends[0], weight_x), (ends[1], weight_y)):
         start = end[0] + np.concatenate([[0.0], np.cumsum(weight)[:-1]])
-        places.append((start[:, None] + weight[:, None] * (np.arange(SUBCELLS) + 0.5) / SUBCELLS).ravel())
-    inside = outline.contains(*np.meshgrid(*places, indexing="ij"))
+        samples.append((start[:, None] + weight[:, None] * (np.arange(SUBCELLS) + 0.5) / SUBCELLS).ravel())
+    inside = outline.contains(*np.meshgrid(*samples, indexing="ij"))
     result: Array = inside.reshape(len(weight_x), SUBCELLS, len(weight_y), SUBCELLS).mean(axis=(1, 3))
     return result
 
 
-def _mirrored(places: Array) -> bool:
-    return bool(np.allclose(places, -places[::-1], rtol=0.0, atol=1e-9 * float(np.abs(places).max())))
+def _mirrored(y: Array) -> bool:
+    return bool(np.allclose(y, -y[::-1], rtol=0.0, atol=1e-9 * float(np.abs(y).max())))

@@ -1,4 +1,4 @@
-"""Sag function in, a B-spline surface with u = x, v = y and the error it reached out."""
+"""Fit a B-spline surface with u = x, v = y to a sag function, and measure the error it reaches."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 # Where a span is looked at: off the collocation sites, and close enough to its ends to see the end effects.
 INSIDE_SPAN = np.array([0.06, 0.29, 0.5, 0.71, 0.94])
-# Places a direction at which a fit is looked at, at least. Along x the percent has peaks a few millimetres wide where a
+# Points a direction at which a fit is looked at, at least. Along x the percent has peaks a few millimetres wide where a
 # curvature passes through zero; along y what counts as 100 % does not change.
 DENSEST_X, DENSEST_Y = 150, 30
 # More soft breaks (a table's nodes) than this are left to the refinement at first: a knot at each would only slow it, unless
@@ -30,12 +30,12 @@ MAX_SOFT_BREAKS = 64
 # 50·ε·|z|/h², would be more than 0.01 % of the curvature.
 NEAREST_BREAKS = 1e-5
 # Derivatives of z more than of κ₁ and κ₂ that stay continuous at a break: the decoupled surface holds κ₂ itself.
-DECOUPLED_GAINED, FAITHFUL_GAINED = (2, 0), (2, 2)
+DECOUPLED_CONTINUITY, FAITHFUL_CONTINUITY = (2, 0), (2, 2)
 # Beyond the mirror the sheet may miss by ten times the tolerances: an error there reaches inside through the smooth knots.
 OUTSIDE_SHARE = 0.1
 MAX_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
 MAX_PATCHES = 10_000  # in all: seconds of work for each try, and more than a kernel likes
-# The spans are cut until the places looked at stay below this share of the tolerances: others may be a little worse.
+# The spans are cut until the points looked at stay below this share of the tolerances: others may be a little worse.
 AIM = 0.7
 ROUNDS = 24
 FIRST_SPANS = (8, 4)
@@ -45,7 +45,7 @@ ROOM, MAX_PARTS = 1.15, 6
 # A span is at most so many times as wide as its neighbour: through smooth knots the error of wide spans reaches into narrow
 # ones, and the second derivative divides it by their width squared.
 STEEPEST_GRADE = 4.0
-# Places this near to where the design's curvature is smallest are looked at besides: there the percent has its peaks.
+# Points this near to where the design's curvature is smallest are looked at besides: there the percent has its peaks.
 SMALL_CURVATURE, MAX_SMALL = 0.05, 100
 DEGREE_FIRST, DEGREE_THEN = 5, 7  # "auto": quintic, and septic where quintic wants more than MANY_SPANS
 MANY_SPANS = 96
@@ -93,14 +93,14 @@ class FitTask:
         return small[:: max(1, -(-len(small) // MAX_SMALL))]
 
 
-def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], gained: tuple[int, int],
+def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], continuity: tuple[int, int],
                      width_mm: float) -> tuple[tuple[float, int], ...]:
-    """Continuous x-derivatives of a surface at each break: `gained` more than of κ₁ and of κ₂, as (x, derivatives).
+    """Continuous x-derivatives of a surface at each break: `continuity` more than of κ₁ and of κ₂, as (x, derivatives).
 
     Breaks too near for a span between them, on a sheet of width_mm, are one: seen from afar that is two orders harder.
     """
     order: dict[float, int] = {}
-    for breaks, more in zip((horizontal, vertical), gained, strict=True):
+    for breaks, more in zip((horizontal, vertical), continuity, strict=True):
         for b in breaks:
             order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + more)
     kept: list[tuple[float, int]] = []
@@ -213,7 +213,7 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
     sites_x = _sites_within(surface.knots_u, degree, x_min, x_max)
     sites_y = _sites_within(surface.knots_v, degree, y_min, y_max)
     x, y = np.concatenate([inside_x, sites_x]), np.concatenate([inside_y, sites_y])
-    # Beyond the judged height the sections may end: there the nearest judged place stands in.
+    # Beyond the judged height the sections may end: there the nearest judged point stands in.
     y = np.clip(y, y_min, y_max)
     got = _sag_of(surface, x, y)
     want = task.sag.derivatives(x[:, None], y)
@@ -249,19 +249,19 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
 
 def _inside(ends: Array, low: float, high: float, densest: int, besides: Array | None = None,
             ) -> tuple[Array, NDArray[np.int64]]:
-    """Places inside every span, up to low and high where these cut one, `densest` or more; and the span of each."""
+    """Points inside every span, up to low and high where these cut one, `densest` or more; and the span of each."""
     cut = np.union1d(ends, np.clip([low, high], ends[0], ends[-1]))
     count = max(len(INSIDE_SPAN), -(-densest // (len(cut) - 1)))
     shares = INSIDE_SPAN if count == len(INSIDE_SPAN) else (np.arange(count) + 0.5) / count
-    places = (cut[:-1, None] + np.diff(cut)[:, None] * shares).ravel()
+    points = (cut[:-1, None] + np.diff(cut)[:, None] * shares).ravel()
     # The judged edges too, from within: a curvature that is zero there has its largest percent on them.
     hair = 1e-9 * (high - low)
-    places = np.concatenate([places, [low + hair, high - hair], [] if besides is None else besides])
-    return places, np.searchsorted(ends, places, side="right") - 1
+    points = np.concatenate([points, [low + hair, high - hair], [] if besides is None else besides])
+    return points, np.searchsorted(ends, points, side="right") - 1
 
 
 def _sites_within(knots: Array, degree: int, low: float, high: float) -> Array:
-    """The collocation sites between low and high; a few places there while a small mirror in a large blank has none."""
+    """The collocation sites between low and high; a few points there while a small mirror in a large blank has none."""
     sites = greville_abscissae(knots, degree)
     sites = sites[(sites >= low) & (sites <= high)]
     return sites if len(sites) >= 3 else np.linspace(low, high, 5)

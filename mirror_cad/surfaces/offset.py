@@ -1,4 +1,4 @@
-"""The optical face and a thickness in, the plate's other face as a B-spline on the same parameters out."""
+"""The plate's other face: the optical face offset by the thickness, as a B-spline on the same parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Callable with breaks in, piecewise Chebyshev series out: evaluated, differentiated, integrated to rounding error."""
+"""Piecewise Chebyshev series of a function with breaks: evaluated, differentiated, integrated to rounding error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOISE = 1e-10
 # a series of degree 24 has its second derivative to some 1e-11.
 JUMP = 1e-8
 MAX_PIECES = 4096  # a second of work
-BLOCK = 64  # places that are evaluated at once: their working arrays stay next to the processor
+BLOCK = 64  # points that are evaluated at once: their working arrays stay next to the processor
 ROUGHEST = 1e-6  # of the function's size: what may remain when the pieces run out, far below what glass can take
 
 
@@ -82,17 +82,17 @@ class PiecewiseChebyshev:
         return PiecewiseChebyshev(self.breaks, primitive)
 
     def tight_breaks(self, width: float) -> list[float]:
-        """Places where pieces narrower than `width` stand: kinks and jumps that nobody announced."""
+        """Points where pieces narrower than `width` stand: kinks and jumps that nobody announced."""
         widths = np.diff(self.breaks)
         middles = 0.5 * (self.breaks[:-1] + self.breaks[1:])
-        places: list[float] = []
+        points: list[float] = []
         # The narrowest piece of each crowd stands on the kink itself.
         for i in np.argsort(widths, kind="stable"):
             if widths[i] >= width:
                 break
-            if all(abs(middles[i] - place) > 10.0 * width for place in places):
-                places.append(float(middles[i]))
-        return sorted(places)
+            if all(abs(middles[i] - point) > 10.0 * width for point in points):
+                points.append(float(middles[i]))
+        return sorted(points)
 
 
     def breakpoints(self) -> list[tuple[float, int]]:
@@ -173,7 +173,7 @@ def _nodes() -> tuple[Array, Array]:
 def _clenshaw(breaks: Array, coefficients: Array, x: Array, values: Array) -> None:
     """Σ_k c[i, k]·T_k(ξ) by Clenshaw's recurrence: b_k = c_k + 2ξ·b_k+1 − b_k+2, Σ = c_0 + ξ·b_1 − b_2.
 
-    Taken in blocks of places that follow each other in one piece: the recurrence then runs over all of them at once.
+    Taken in blocks of points that follow each other in one piece: the recurrence then runs over all of them at once.
     Source: C. W. Clenshaw, MTAC 9 (1955), 118.
     """
     last, count = len(breaks) - 2, coefficients.shape[1]

@@ -1,4 +1,4 @@
-"""Planes, spheres and cylinders as plain records: parameters in, points out."""
+"""Planes, spheres and cylinders as plain records."""
 
 from __future__ import annotations
 

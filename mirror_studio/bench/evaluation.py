@@ -1,4 +1,4 @@
-"""A preset's B-spline in, the time per point of points, normals and curvatures out, by each way of evaluating it."""
+"""Time per point of points, normals and curvatures of a B-spline, by each method of evaluation."""
 
 from __future__ import annotations
 

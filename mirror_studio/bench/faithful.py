@@ -1,4 +1,4 @@
-"""Presets and a torus in, what the closest surface reaches and costs over its spans, beside the decoupled one, out."""
+"""What the closest surface reaches and costs over its spans, beside the decoupled one."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.faithful import Level
+from mirror_studio.as_json import method_as_json
 from mirror_studio.bench.table import Column, Plot, Table
 from mirror_studio.build.methods import compare_methods, with_method
 
@@ -79,7 +80,7 @@ def _levels(name: str, spec: MirrorSpec, degree: int, all_spans: tuple[tuple[int
 def _side_by_side(name: str, spec: MirrorSpec) -> Iterator[dict[str, Any]]:
     mirror = design(spec)
     both = compare_methods(mirror)
-    for method in ("decoupled", "faithful"):
-        change = both["change"] if method == "faithful" else {}
-        yield {"mirror": name, "method": method, **both[method],
-               **{key: change.get(key) for key in ("sag_max_mm", "sag_best_fit_max_mm", "ray_max_arcmin")}}
+    change = both.change
+    yield {"mirror": name, "method": "decoupled", **method_as_json(both.decoupled)}
+    yield {"mirror": name, "method": "faithful", **method_as_json(both.faithful), "sag_max_mm": change.sag_max_mm,
+           "sag_best_fit_max_mm": change.sag_best_fit_max_mm, "ray_max_arcmin": change.ray_max_arcmin}

@@ -1,4 +1,4 @@
-"""Mirrors that numerics find hard in, one table out: each case's worst figure beside its tolerance, or its refusal.
+"""Mirrors that numerics find hard: each case's worst figure beside its tolerance, or its refusal.
 
 A case goes through the whole chain: specification, design, plate, STEP and STL, both read back, deviation. What is read
 back is compared with a second working-out that uses nothing of the program.

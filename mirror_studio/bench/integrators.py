@@ -1,4 +1,4 @@
-"""Curvature laws in, how exactly and how fast each integrator makes profiles of them out."""
+"""How exactly and how fast each integrator makes profiles of curvature laws."""
 
 from __future__ import annotations
 

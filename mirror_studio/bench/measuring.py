@@ -1,4 +1,4 @@
-"""A function in, its median time out; steps and errors in, the observed order of convergence and the floor out."""
+"""Median times, observed orders of convergence and floors."""
 
 from __future__ import annotations
 

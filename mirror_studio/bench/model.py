@@ -1,4 +1,4 @@
-"""The closed forms of docs/derivations in; tables of predicted beside measured curvature of the decoupled surface out."""
+"""Predicted beside measured curvature of the decoupled surface, by the closed forms of docs/derivations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables in, their files out: Markdown, JSON, PNG, and one page of it all."""
+"""Write the tables of the benchmark: Markdown, JSON, PNG, and one page of it all."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from mirror_studio.as_json import JsonObject
 from mirror_studio.bench.plots import figure_of
 from mirror_studio.bench.table import Column, Table
 from mirror_studio.build.pipeline import versions, write_json
 from mirror_studio.report.text import count, number, templates
 
 
-def write_tables(folder: Path, parts: dict[str, tuple[str, tuple[Table, ...]]]) -> dict[str, Any]:
+def write_tables(folder: Path, parts: dict[str, tuple[str, tuple[Table, ...]]]) -> JsonObject:
     """Write NAME.md and NAME.png of each table, bench.json and index.html; returns what bench.json holds.
 
     parts : name of the part -> its heading and tables.
@@ -29,8 +30,8 @@ def write_tables(folder: Path, parts: dict[str, tuple[str, tuple[Table, ...]]]) 
             if picture is not None:
                 (folder / f"{table.name}.png").write_bytes(picture)
                 pictures[table.name] = "data:image/png;base64," + base64.b64encode(picture).decode("ascii")
-    content = {"schema": 1, "versions": versions(), "machine": machine(),
-               "tables": {table.name: _as_json(part, table) for part, (_, tables) in parts.items() for table in tables}}
+    content: JsonObject = {"schema": 1, "versions": versions(), "machine": machine(), "tables": {
+        table.name: _as_json(part, table) for part, (_, tables) in parts.items() for table in tables}}
     write_json(folder / "bench.json", content)
     shown = [(heading, [_for_page(table, pictures.get(table.name)) for table in tables]) for heading, tables in parts.values()]
     page = templates().get_template("bench.html.j2").render(

@@ -1,4 +1,4 @@
-"""A table with its plots in, one figure of curves on logarithmic axes out, as PNG."""
+"""Plot a table as curves on logarithmic axes, as PNG."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of parts in, a folder with the benchmark's tables, plots and page out."""
+"""Run parts of the benchmark and write a folder with its tables, plots and page."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import difflib
 import importlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from mirror_cad.errors import SpecError
+from mirror_studio.as_json import JsonObject
 from mirror_studio.bench.table import Table
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.progress import Progress
@@ -27,7 +27,7 @@ PARTS = {
 LONG_PARTS = ("hard-cases",)  # their `tables` takes the progress, to show how far it is
 
 
-def run_bench(names: Sequence[str], out: Path, progress: Progress) -> dict[str, Any]:
+def run_bench(names: Sequence[str], out: Path, progress: Progress) -> JsonObject:
     """Measure the named parts, all without a name, and write them to `out`; returns what bench.json holds.
 
     Raises: SpecError for a name that is no part, with nothing measured or written.

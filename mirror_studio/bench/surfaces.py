@@ -1,4 +1,4 @@
-"""A preset's exact sag in, what each way of making a B-spline surface of it costs and misses out."""
+"""What each method of making a B-spline surface of a preset's exact sag costs and misses."""
 
 from __future__ import annotations
 

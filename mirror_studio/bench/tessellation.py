@@ -1,4 +1,4 @@
-"""A preset's plate in, the triangles, time and errors of its STL at each deflection out, with the CAD libraries' defaults."""
+"""Triangles, time and errors of a plate's STL at each deflection, beside the CAD libraries' defaults."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mirror_cad.deviation import stl_deviation
+from mirror_cad.mesh_deviation import stl_deviation
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.occt import peers
 from mirror_cad.occt.tessellate import read_stl
@@ -51,5 +51,5 @@ def tables(deflections_mm: tuple[float, ...] = DEFLECTIONS_MM) -> tuple[Table, .
 def _row(mirror: Mirror, path: Path, mesh: str, wanted_mm: float | None, write: Callable[[], None]) -> dict[str, Any]:
     seconds = median_seconds(write)
     found = stl_deviation(read_stl(path), mirror.surface, mirror.outline)
-    return {"mesh": mesh, "wanted_mm": wanted_mm, "facets": found["facets"], "time_s": seconds,
-            "height_mm": found["height_max_mm"], "normal_deg": found["normal_max_deg"]}
+    return {"mesh": mesh, "wanted_mm": wanted_mm, "facets": found.facets, "time_s": seconds,
+            "height_mm": found.height_max_mm, "normal_deg": found.normal_max_deg}

@@ -1,4 +1,4 @@
-"""The preset progressive-c in, error and rate of tracing it by our tracer and its peers, side by side, out."""
+"""Error and rate of tracing progressive-c by our tracer and its peers, side by side."""
 
 from __future__ import annotations
 

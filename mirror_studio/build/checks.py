@@ -1,11 +1,11 @@
-"""Written files in, proof that they hold what was meant out: each is read back and compared before a set is complete."""
+"""Checks of written files: each is read back and compared with the design before a set is complete."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
 from mirror_cad.errors import FileError, WriteError
@@ -16,6 +16,9 @@ from mirror_cad.occt.step import FRONT_FACE, OPTICAL_FACE, StepFile, read_step
 from mirror_cad.outline.files import read_outline
 from mirror_cad.part21 import read_named_surface
 from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_studio.build.results import StepCheck
+
+Array = NDArray[np.float64]
 
 # STEP writes coordinates to some 13 digits: 1e-11 mm at 100 mm, and a hundred times that is still below any use.
 SAME_MM = 1e-9
@@ -23,7 +26,7 @@ SAME_MM = 1e-9
 SAME_VOLUME = 1e-9
 
 
-def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
+def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, StepCheck]:
     """The file as read back, and how far its named faces and the Part 21 text are from what was designed, mm.
 
     Named are the optical face and, of glass that reflects from its back, the front face.
@@ -40,7 +43,7 @@ def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
     designed = {OPTICAL_FACE: mirror.surface}
     if mirror.spec.glass.reflecting == "back":
         designed[FRONT_FACE] = mirror.plate.front
-    u, v = _places(mirror)
+    u, v = _check_points(mirror)
     off = off_text = 0.0
     for name, surface in designed.items():
         meant = surface.evaluate(u, v)
@@ -52,10 +55,10 @@ def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, dict[str, float]]:
         for what, distance in ((f"the {name}", off), ("the Part 21 text", off_text)):
             if not distance <= SAME_MM:
                 raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
-    return read, {"step_max_mm": off, "part21_max_mm": off_text, "volume_relative": change}
+    return read, StepCheck(off, off_text, change)
 
 
-def check_surface_step(path: Path, mirror: Mirror) -> dict[str, float]:
+def check_surface_step(path: Path, mirror: Mirror) -> float:
     """How far the untrimmed sheet is from the design over its whole box, mm. Raises: WriteError where it differs."""
     surface = _named_surface(path, read_step(path), OPTICAL_FACE)
     box = mirror.sheet_box()
@@ -66,25 +69,25 @@ def check_surface_step(path: Path, mirror: Mirror) -> dict[str, float]:
     off = float(np.linalg.norm(surface.evaluate(u, v) - mirror.surface.evaluate(u, v), axis=-1).max())
     if not off <= SAME_MM:
         raise WriteError(f"{path.name}: the sheet is {off:.2g} mm from the design (at most {SAME_MM:g})")
-    return {"sheet_max_mm": off}
+    return off
 
 
-def check_outline(path: Path, mirror: Mirror) -> dict[str, float]:
-    """How much the outline's area and box differ after reading back. Raises: WriteError where they do."""
+def check_outline(path: Path, mirror: Mirror) -> float:
+    """How much the outline's box differs after reading back, mm. Raises: WriteError where it or the area does."""
     outline = read_outline(path)
     area = abs(outline.area_mm2() / mirror.outline.area_mm2() - 1.0)
     box = float(np.abs(np.subtract(outline.bounding_box(), mirror.box)).max())
     if area > 1e-9 or box > SAME_MM:
         raise WriteError(f"{path.name}: reads back with its area {area:.2g} off (relative) and its box {box:.2g} mm off")
-    return {"outline_box_mm": box}
+    return box
 
 
-def check_points(path: Path, points: Any) -> dict[str, float]:
-    """Raises WriteError where the table of points reads back different; rows are written to 1e-9 mm."""
+def check_points(path: Path, points: Array) -> int:
+    """The number of rows of the table of points. Raises: WriteError where it reads back different; rows hold 1e-9 mm."""
     read = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     if read.shape != points.shape or not np.allclose(read, points, rtol=0, atol=SAME_MM):
         raise WriteError(f"{path.name}: reads back as {read.shape} numbers that differ from those written")
-    return {"points": float(len(read))}
+    return len(read)
 
 
 def _named_surface(path: Path, read: StepFile, name: str) -> BSplineSurface:
@@ -94,8 +97,8 @@ def _named_surface(path: Path, read: StepFile, name: str) -> BSplineSurface:
         raise WriteError(f"{path.name}: reads back different from what was written: {error}") from None
 
 
-def _places(mirror: Mirror) -> tuple[Any, Any]:
-    """Places off the nodes all over the surface, its corners among them."""
+def _check_points(mirror: Mirror) -> tuple[Array, Array]:
+    """Points off the nodes all over the surface, its corners among them."""
     u_min, u_max, v_min, v_max = mirror.surface.domain
     u, v = np.meshgrid(np.linspace(u_min, u_max, 67), np.linspace(v_min, v_max, 71))
     return u.ravel(), v.ravel()

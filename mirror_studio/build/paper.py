@@ -2,48 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from mirror_cad.spec.file import load_spec, spec_as_json
+from mirror_cad.spec.file import load_spec
+from mirror_studio.as_json import table1_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
-from mirror_studio.build.pipeline import Built, build_into, hashes, versions, write_json
+from mirror_studio.build.pipeline import build_into, hashes, versions, write_json
+from mirror_studio.build.results import Built, Compared, Metrics, PaperRow
 from mirror_studio.progress import Progress
 
 FIGURE_5 = ("sphere-1250", "sphere-1050", "sphere-950")
 FIGURE_6 = ("progressive-a", "progressive-b", "progressive-c")
-# Table 1 of Lee et al., Optics Express 22, 25729 (2014).
-PAPER = {
-    "progressive-a": {"h_fov_deg": 44.8, "v_fov_left_deg": 49.4, "lane_straightness_percent": 27.0},
-    "progressive-b": {"h_fov_deg": 44.8, "v_fov_left_deg": 46.8, "lane_straightness_percent": 30.0},
-    "progressive-c": {"h_fov_deg": 44.8, "v_fov_left_deg": 42.8, "lane_straightness_percent": 40.0},
-}
-# Which of our two figures stands beside the paper's.
-OURS = {"h_fov_deg": "section", "v_fov_left_deg": "section", "lane_straightness_percent": "traced"}
+# Table 1 of Lee et al., Optics Express 22, 25729 (2014): horizontal and vertical field of view (°), lane straightness (%).
+PAPER = {"progressive-a": (44.8, 49.4, 27.0), "progressive-b": (44.8, 46.8, 30.0), "progressive-c": (44.8, 42.8, 40.0)}
 
 
-def table_1(metrics: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Our figures beside the paper's, for the three mirrors of table 1."""
-    return {name: {key: {"ours": metrics[name][key][OURS[key]], "paper": value} for key, value in figures.items()}
-            for name, figures in PAPER.items()}
+def table_1(metrics: Mapping[str, Metrics]) -> dict[str, PaperRow]:
+    """Our figures beside the paper's, for the three mirrors of table 1.
+
+    Ours are the fields of view of the sections, and the traced straightness.
+
+    Parameters
+    ----------
+    metrics : by the names of the mirrors; those of table 1 must be there.
+    """
+    return {name: PaperRow(Compared(metrics[name].h_fov_deg.section, h_fov),
+                           Compared(metrics[name].v_fov_left_deg.section, v_fov),
+                           Compared(metrics[name].lane_straightness_percent.traced, lane))
+            for name, (h_fov, v_fov, lane) in PAPER.items()}
 
 
-def build_paper(out: Path, progress: Progress) -> tuple[dict[str, Any], tuple[str, ...]]:
+def build_paper(out: Path, progress: Progress) -> tuple[dict[str, PaperRow], tuple[str, ...]]:
     """Make the whole set in `out`; returns table 1 and what tolerance or limit was missed."""
     from mirror_studio.report import contact_sheet, table1_markdown, write_index
 
     missed: list[str] = []
     with new_set(out) as folder:
-        mirrors: list[dict[str, Any]] = []
-        metrics: dict[str, dict[str, Any]] = {}
+        mirrors: list[Built] = []
         for name in FIGURE_5 + FIGURE_6:
             (folder / name).mkdir()
-            built: Built = build_into(folder / name, load_spec(name), progress)
-            missed += [f"{name}: {text}" for text in built.missed]
-            metrics[name] = built.metrics
-            mirrors.append({"name": name, "metrics": built.metrics, "deviation": built.deviation.as_json(),
-                            "spec": spec_as_json(built.mirror.spec),
-                            "laws": [built.mirror.spec.horizontal.in_short(), built.mirror.spec.vertical.in_short()]})
+            mirrors.append(build_into(folder / name, load_spec(name), progress))
+            missed += [f"{name}: {text}" for text in mirrors[-1].missed]
         progress.step("figures, table 1 and page")
         figures = {}
         for number, title, names in (("5", "Fig. 5: spherical mirrors", FIGURE_5),
@@ -52,8 +52,8 @@ def build_paper(out: Path, progress: Progress) -> tuple[dict[str, Any], tuple[st
                       for letter, name in zip("abc", names, strict=True)]
             contact_sheet(folder / f"fig{number}.png", title, panels)
             figures[f"fig{number}"] = f"fig{number}.png"
-        table = table_1(metrics)
-        write_json(folder / "table1.json", table)
+        table = table_1({built.mirror.spec.name: built.metrics for built in mirrors})
+        write_json(folder / "table1.json", table1_as_json(table))
         (folder / "table1.md").write_text(table1_markdown(table), encoding="utf-8")
         write_index(folder / "index.html", mirrors, table, figures)
         write_json(folder / MANIFEST, {"schema": 1, "versions": versions(), "files": hashes(folder)})

@@ -1,4 +1,4 @@
-"""A specification in, the files of one mirror out: designed, exported, read back, checked, traced and reported."""
+"""The files of one mirror: designed, exported, read back, checked, traced and reported."""
 
 from __future__ import annotations
 
@@ -7,23 +7,43 @@ import io
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import Deviation
 from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.outline.files import write_dxf
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
+from mirror_studio.as_json import (
+    Json,
+    JsonObject,
+    deviation_as_json,
+    manifest_as_json,
+    metrics_as_json,
+    trace_metrics_as_json,
+)
 from mirror_studio.build.folder import MANIFEST, new_set
-from mirror_studio.build.methods import compare_methods, floor_of
+from mirror_studio.build.methods import compare_methods
+from mirror_studio.build.results import (
+    Built,
+    FieldOfView,
+    FileChecks,
+    GlassFigures,
+    LaneFigures,
+    Manifest,
+    Metrics,
+    OnPlane,
+    PlateFigures,
+    TraceMetrics,
+)
 from mirror_studio.progress import Progress
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
@@ -45,20 +65,13 @@ from raytrace.surfaces.base import GlassPlate
 from raytrace.surfaces.mesh import Normals
 from raytrace.viewing.camera import Frame
 
+if TYPE_CHECKING:
+    from mirror_cad.occt.step import StepFile
+
 Array = NDArray[np.float64]
 
 SMALLEST_BOX_MM = 1e-3  # a reflector seen edge-on, or a closed face without edges, has no frame to be drawn in
 PACKAGES = ("mirror-cad", "cadquery-ocp", "build123d", "cadquery", "numpy", "scipy", "numba", "embreex", "vtk", "pyvista")
-
-
-@dataclass(frozen=True, eq=False)
-class Built:
-    """What a build leaves in memory: the mirror, its deviation, the metrics and whether everything asked for is met."""
-
-    mirror: Mirror
-    deviation: CurvatureDeviation
-    metrics: dict[str, Any]
-    missed: tuple[str, ...]
 
 
 def build(spec: MirrorSpec, out: Path, progress: Progress, pdf: bool = False) -> Built:
@@ -75,87 +88,114 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     picture = load_picture(spec.scene.image)
     # What brings the kernel: a trace, whose file a child process reads, does without.
     from mirror_cad.occt.tessellate import read_stl
-    from mirror_studio.build import checks
 
     progress.step(f"{name}: designing")
     mirror = design(spec)
     for note in mirror.notes:
         progress.step(f"{name}: note: {note}")
-    setting = ViewingSetup.of(spec, mirror.box)
-    eye = setting.eye
-    step, stl = folder / f"{name}.step", folder / f"{name}.stl"
     progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
-    points = mirror.grid_points()
-    mirror.export_step(step)
-    mirror.export_surface_step(folder / f"{name}-surface.step")
-    mirror.export_stl(stl)
-    write_points(folder / f"{name}-points.csv", points)
-    write_dxf(mirror.outline, folder / "outline.dxf")
-    step_file, files = checks.check_step(step, mirror)
-    read_back = step_file.optical_surface()
-    files |= checks.check_surface_step(folder / f"{name}-surface.step", mirror)
-    files |= checks.check_outline(folder / "outline.dxf", mirror)
-    files |= checks.check_points(folder / f"{name}-points.csv", points)
-
+    step_file, files = _write_and_check(folder, mirror)
+    read_back, stl = step_file.optical_surface(), folder / f"{name}.stl"
     progress.step(f"{name}: curvature deviation")
     deviation = mirror.deviation(read_back, read_stl(stl))
     progress.step(f"{name}: tracing the driver's view")
-    scene = setting.scene(picture, spec)
-    frame = Frame.around(mirror.box, spec.view.width_px)
     reflector = reflector_of(step_file, spec.glass.index)
-    view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
-    view_png = write_png(folder / "driver-view.png", view)
-    use = setting.in_use(reflector, mirror)
-    figures = {name: one.value(use) for name, one in measures_of(use, "setup").items()}
+    view = _drivers_view(folder, mirror, reflector, picture, progress)
     progress.step(f"{name}: decoupled and faithful surface side by side")
-    methods = compare_methods(mirror)
-    mesh = _facets(stl, mirror)
-    facets, smooth = (reflected_difference(each, reflector.uncoated, eye, scene.z_mm, mirror.box)
-                      for each in (mesh, mesh.interpolated))
-    metrics = {
-        "h_fov_deg": {"section": figures["h_fov_section_deg"], "traced": figures["h_fov_traced_deg"]},
-        "v_fov_left_deg": {"section": figures["v_fov_left_section_deg"], "traced": figures["v_fov_left_traced_deg"]},
-        "lane_straightness_percent": {
-            "traced": figures["lane_straightness_percent"],
-            "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, mirror.box)},
-        "stl_on_plane_mm": {"max": facets.plane_max_mm, "rms": facets.plane_rms_mm, "rays": facets.rays},
-        "stl_interpolated_on_plane_mm": {"max": smooth.plane_max_mm, "rms": smooth.plane_rms_mm, "rays": smooth.rays},
-        "measures": figures,
-        "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
-        "methods": methods,
-        "rays": rays,
-        "eye_mm": [float(value) for value in eye],
-        "plate": {"area_mm2": mirror.plate.area_mm2, "volume_mm3": mirror.plate.volume_mm3,
-                  "back_error_mm": mirror.plate.back_error_mm},
-        "files": files,
-    }
-    if spec.glass.reflecting == "back":
-        metrics["glass"] = _glass(mirror, reflector.glass, eye, points, figures["h_fov_traced_deg"])
-    from mirror_studio.missed import missed_in_words
-    from mirror_studio.report import find, write_findings, write_pdf, write_report
-    from mirror_studio.report.verdict_table import as_json, requirements, view_requirements
-
-    asked = view_requirements(mirror, metrics)
-    if asked:
-        metrics["limits"] = as_json(asked)
+    metrics = _measured(mirror, deviation, reflector, view, files, stl)
     progress.step(f"{name}: report")
-    write_json(folder / "metrics.json", metrics)
-    write_json(folder / "deviation.json", deviation.as_json())
-    manifest = _manifest(mirror)
-    findings = find(mirror, deviation, read_back, metrics, step_file, reflector.surface)
-    write_findings(folder, mirror, deviation, findings, manifest)
-    manifest["files"] = hashes(folder)
-    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
-    if pdf:
-        write_pdf(folder / "report.html", folder / "report.pdf")
-    manifest["files"] = hashes(folder)
-    write_json(folder / MANIFEST, manifest)
+    _report(folder, mirror, deviation, metrics, step_file, reflector, view.png, pdf)
+    from mirror_studio.missed import missed_in_words
+    from mirror_studio.report.verdict_table import requirements
+
     return Built(mirror, deviation, metrics, missed_in_words(requirements(mirror, deviation, metrics)))
 
 
+# --- the stages of a build ----------------------------------------------------------------------------------------
+
+
+class _DriversView(NamedTuple):
+    """The picture, its frame, the bytes of the PNG, and how many rays had which status."""
+
+    picture: Picture
+    frame: Frame
+    png: bytes
+    rays: Mapping[str, int]
+
+
+def _write_and_check(folder: Path, mirror: Mirror) -> tuple[StepFile, FileChecks]:
+    """Write the files of the part; returns the STEP file as read back, and how far each is from the design."""
+    from mirror_studio.build import checks
+
+    name, points = mirror.spec.name, mirror.grid_points()
+    step, sheet, table, outline = (folder / each for each in (
+        f"{name}.step", f"{name}-surface.step", f"{name}-points.csv", "outline.dxf"))
+    mirror.export_step(step)
+    mirror.export_surface_step(sheet)
+    mirror.export_stl(folder / f"{name}.stl")
+    write_points(table, points)
+    write_dxf(mirror.outline, outline)
+    step_file, step_check = checks.check_step(step, mirror)
+    return step_file, FileChecks(step_check, checks.check_surface_step(sheet, mirror), checks.check_outline(outline, mirror),
+                                 checks.check_points(table, points))
+
+
+def _drivers_view(folder: Path, mirror: Mirror, reflector: Reflector, picture: Picture, progress: Progress) -> _DriversView:
+    setup, frame = ViewingSetup.of(mirror.spec, mirror.box), Frame.around(mirror.box, mirror.spec.view.width_px)
+    seen, rays = photograph(reflector, frame.camera(setup.eye), setup.scene(picture, mirror.spec), progress.share)
+    return _DriversView(seen, frame, write_png(folder / "driver-view.png", seen), rays)
+
+
+def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: _DriversView, files: FileChecks,
+              stl: Path) -> Metrics:
+    from mirror_studio.report.verdict_table import view_requirements
+
+    setup = ViewingSetup.of(mirror.spec, mirror.box)
+    use = setup.in_use(reflector, mirror)
+    figures = {name: one.value(use) for name, one in measures_of(use, "setup").items()}
+    mesh = _facets(stl, mirror)
+    facets, smooth = (reflected_difference(each, reflector.uncoated, setup.eye, setup.plane_z_mm, mirror.box)
+                      for each in (mesh, mesh.interpolated))
+    plate, eye = mirror.plate, setup.eye
+    metrics = Metrics(
+        h_fov_deg=FieldOfView(figures["h_fov_section_deg"], figures["h_fov_traced_deg"]),
+        v_fov_left_deg=FieldOfView(figures["v_fov_left_section_deg"], figures["v_fov_left_traced_deg"]),
+        lane_straightness_percent=LaneFigures(
+            figures["lane_straightness_percent"],
+            lane_straightness_in_picture(view.picture, view.frame, reflector.uncoated, eye, mirror.box)),
+        stl_on_plane=OnPlane(facets.plane_max_mm, facets.plane_rms_mm, facets.rays),
+        stl_interpolated_on_plane=OnPlane(smooth.plane_max_mm, smooth.plane_rms_mm, smooth.rays),
+        measures=figures, explained=deviation.explained, ray_deviation=deviation.rays,
+        methods=compare_methods(mirror), rays=view.rays, eye_mm=(float(eye[0]), float(eye[1]), float(eye[2])),
+        plate=PlateFigures(plate.area_mm2, plate.volume_mm3, plate.back_error_mm), files=files,
+        glass=_glass(mirror, reflector.glass, eye, figures["h_fov_traced_deg"])
+        if mirror.spec.glass.reflecting == "back" else None)
+    return replace(metrics, limits=tuple(view_requirements(mirror, metrics)))
+
+
+def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, step_file: StepFile, reflector: Reflector,
+            view_png: bytes, pdf: bool) -> None:
+    """Write the figures as JSON and tables, the report and the manifest, which names every other file."""
+    from mirror_studio.report import find, write_findings, write_pdf, write_report
+
+    write_json(folder / "metrics.json", metrics_as_json(metrics))
+    write_json(folder / "deviation.json", deviation_as_json(deviation))
+    manifest = Manifest(spec_as_json(mirror.spec), versions(), mirror.notes)
+    findings = find(mirror, deviation, step_file.optical_surface(), metrics, step_file, reflector.surface)
+    write_findings(folder, mirror, deviation, findings, manifest)
+    manifest = replace(manifest, files=hashes(folder))
+    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
+    if pdf:
+        write_pdf(folder / "report.html", folder / "report.pdf")
+    write_json(folder / MANIFEST, manifest_as_json(mirror, replace(manifest, files=hashes(folder))))
+
+
+# --- a file of any origin -----------------------------------------------------------------------------------------
+
+
 def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face: str | int | Colour | None = None,
-               normals: Normals = "facets", place: Place = "auto") -> dict[str, Any]:
-    """Trace a CAD or mesh file with the spec's eye, scene and view; returns what metrics.json holds.
+               normals: Normals = "facets", place: Place = "auto") -> TraceMetrics:
+    """Trace a CAD or mesh file with the spec's eye, scene and view.
 
     face, normals, place : as for `load_reflector`. A STEP file with a front face before its optical face is traced through
     glass of the spec's index.
@@ -167,9 +207,9 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     reflector = load_reflector(path, face, normals, spec.glass.index, progress.share, place)
     placement = stated_placement(path.name, reflector, progress)
     box = _front_box(reflector)
-    setting = ViewingSetup.of(spec, box)
-    eye, use = setting.eye, setting.in_use(reflector)
-    scene = setting.scene(picture, spec)
+    setup = ViewingSetup.of(spec, box)
+    eye, use = setup.eye, setup.in_use(reflector)
+    scene = setup.scene(picture, spec)
     frame = Frame.around(box, spec.view.width_px)
     with new_set(out) as folder:
         progress.step(f"{path.name}: tracing the driver's view")
@@ -177,25 +217,23 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
         refuse_unreflected(path.name, rays, placement)
         write_png(folder / "driver-view.png", view)
         h_fov = h_fov_between_edges(reflector, eye, box)
-        metrics: dict[str, Any] = {
-            "h_fov_deg": {"traced": None if h_fov is None else math.degrees(h_fov)},
-            "lane_straightness_percent": {
-                "traced": lane_straightness(use.setup, use.lane).percent,
-                "image": lane_straightness_in_picture(view, frame, reflector.uncoated, eye, box)},
-            "rays": rays, "normals_from": reflector.surface.normals_from,
-            "eye_mm": [float(value) for value in eye], "box_mm": list(box), "placement": placement.as_json()}
-        write_json(folder / "metrics.json", metrics)
-        manifest = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": _lent(spec, reflector),
+        metrics = TraceMetrics(
+            None if h_fov is None else math.degrees(h_fov),
+            LaneFigures(lane_straightness(use.setup, use.lane).percent,
+                        lane_straightness_in_picture(view, frame, reflector.uncoated, eye, box)),
+            rays, reflector.surface.normals_from, (float(eye[0]), float(eye[1]), float(eye[2])), box, placement)
+        write_json(folder / "metrics.json", trace_metrics_as_json(metrics))
+        manifest: JsonObject = {"schema": 1, "traced": path.name, "sha256": _sha256(path), "spec": _lent(spec, reflector),
                     "versions": versions(), "files": hashes(folder)}
         write_json(folder / MANIFEST, manifest)
     progress.step(f"{path.name}: done, in {out}")
     return metrics
 
 
-def _lent(spec: MirrorSpec, reflector: Reflector) -> dict[str, Any]:
+def _lent(spec: MirrorSpec, reflector: Reflector) -> JsonObject:
     """What of a specification a trace uses: how the file is looked at, and the glass where there is some."""
     content = spec_as_json(spec)
-    lent = {section: content[section] for section in ("eye", "scene", "view")}
+    lent: dict[str, Json] = {section: content[section] for section in ("eye", "scene", "view")}
     return lent if not reflector.surface.refracts else lent | {"glass": {"index": spec.glass.index}}
 
 
@@ -229,16 +267,12 @@ def _facets(stl: Path, mirror: Mirror) -> Reflector:
     return Reflector.of_mesh(SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))
 
 
-def _glass(mirror: Mirror, plate: GlassPlate, eye: Array, points: Array, h_fov: float | None) -> dict[str, Any]:
-    """What the glass does to the driver's view: ghost over the grid of points, light, and field of view against none."""
+def _glass(mirror: Mirror, plate: GlassPlate, eye: Array, h_fov: float | None) -> GlassFigures:
+    """What the glass does to the driver's view: ghost over a grid of points, light, and field of view against none."""
     bare, _ = traced_fields_of_view(plate.uncoated(), eye, mirror.box, mirror.left_height_mm)
-    seen = ghost(plate.untrimmed(), eye, points[:, 0], points[:, 1])
-    return {"reflecting": mirror.spec.glass.reflecting, "index": plate.index,
-            "ghost_arcmin": {"max": seen.max_arcmin, "max_at_mm": seen.max_at_mm and list(seen.max_at_mm),
-                             "mean": seen.mean_arcmin, "rays": seen.rays},
-            "front_reflectance": {"mean": seen.front_mean, "max": seen.front_max},
-            "image_reflectance": {"mean": seen.image_mean},
-            "h_fov_added_deg": None if h_fov is None else h_fov - math.degrees(bare)}
+    points = mirror.grid_points()
+    return GlassFigures(mirror.spec.glass.reflecting, plate.index, ghost(plate.untrimmed(), eye, points[:, 0], points[:, 1]),
+                        None if h_fov is None else h_fov - math.degrees(bare))
 
 
 # --- what is taken from any reflector ------------------------------------------------------------------------
@@ -255,26 +289,6 @@ def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
-
-
-def _manifest(mirror: Mirror) -> dict[str, Any]:
-    from mirror_studio.build.checks import SAME_MM
-
-    spec, fit = mirror.spec, mirror.fit
-    return {
-        "schema": 1,
-        "spec": spec_as_json(spec),
-        "versions": versions(),
-        "tolerances": {"position_mm": spec.surface.position_tolerance_mm,
-                       "curvature_percent": spec.surface.curvature_tolerance_percent,
-                       "stl_deflection_mm": spec.export.stl_deflection_mm, "back_mm": 1e-3, "read_back_mm": SAME_MM},
-        "fit": {"route": fit.route, "degree": fit.degree, "spans": list(fit.spans),
-                "position_error_mm": fit.position_error_mm, "curvature_error_percent": fit.curvature_error_percent,
-                "worst_at_mm": list(fit.worst_at_mm), "met": fit.met},
-        "faithful": floor_of(mirror.faithful),
-        "matched": {mirror.matched[0]: mirror.matched[1]} if mirror.matched else None,
-        "notes": list(mirror.notes),
-    }
 
 
 def versions() -> dict[str, str]:
@@ -308,7 +322,7 @@ def write_png(path: Path, picture: Picture) -> bytes:
     return buffer.getvalue()
 
 
-def write_json(path: Path, content: dict[str, Any]) -> None:
+def write_json(path: Path, content: JsonObject) -> None:
     """Write JSON without NaN. Raises: WriteError where a figure is not finite or the file reads back different."""
     try:
         text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)

@@ -1,1 +1,1 @@
-"""Mirrors in; a window on the desktop and files for ParaView out."""
+"""A window on the desktop, and files for ParaView."""

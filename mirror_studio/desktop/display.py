@@ -1,4 +1,4 @@
-"""Nothing in, whether VTK can draw here, and on a screen, out; and a picture's file before anything is made."""
+"""Whether VTK can draw here, and on a screen; and where a picture may be written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A subject in, mirror.vtp and rays.vtp out: VTK's polygon files, as ParaView and pyvista read them; and a picture beside."""
+"""Write mirror.vtp and rays.vtp, VTK's polygon files, as ParaView and pyvista read them; and a picture beside."""
 
 from __future__ import annotations
 

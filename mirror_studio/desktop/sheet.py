@@ -1,4 +1,4 @@
-"""A surface inside its trimming loops in, triangles with exact normals and curvatures at their corners out."""
+"""Triangulate a surface inside its trimming loops, with exact normals and curvatures at the corners."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from mirror_cad.designed import DesignedCurvature
+from mirror_cad.deviation import differences, percent_of
 from mirror_cad.errors import SurfaceError
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, normals, principal_curvatures_of, shape_operator
 from mirror_cad.surfaces.quadric import Quadric
-from mirror_studio.report.fields import differences, percent_of
 
 Array = NDArray[np.float64]
 
@@ -93,9 +93,9 @@ def _fields(w: ShapeOperator, x: Array, curvature: DesignedCurvature | None, rms
     if curvature is not None and rms > 0.0:
         designed = curvature.shape(x)
         off = differences(w, designed)
-        fields["deviation"] = 100.0 * np.sqrt(off["kx"] ** 2 + off["ky"] ** 2 + 2.0 * off["twist"] ** 2) / rms
-        percent = percent_of(w, designed, rms)
-        fields |= {f"deviation_{key}": percent[key] for key in ("k1", "k2")}
+        fields["deviation"] = 100.0 * np.sqrt(off.kx**2 + off.ky**2 + 2.0 * off.twist**2) / rms
+        percent = percent_of(off, designed, rms)
+        fields |= {"deviation_k1": percent.k1, "deviation_k2": percent.k2}
     return fields
 
 

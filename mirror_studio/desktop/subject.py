@@ -1,4 +1,4 @@
-"""A preset's name, a specification or a STEP file in; the mirror's sheet and the fan of rays from the eye out."""
+"""What the window shows: a mirror's sheet, and the fan of rays from the eye."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ RIM_CHORD_MM = 0.02  # of the outline: far below a pixel
 @dataclass(frozen=True, slots=True, eq=False)
 class Fan:
     """Rays that the mirror reflects: starts (3,) at the eye, points (n, 3) on the mirror, ends (n, 3) on the reference plane,
-    or as far away where a ray does not meet it; incidence (n,) degrees."""
+    or as far away where a ray does not meet it; incidence (n,) degrees.
+    """
 
     eye: Array
     points: Array

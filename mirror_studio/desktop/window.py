@@ -1,4 +1,4 @@
-"""A subject in, a window with the mirror, its curvature and the ray fan out, or a picture of that window."""
+"""Show a mirror, its curvature and the ray fan in a window, or draw a picture of that window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured mirrors in, maps over the mirror and lines in it out, as PNG files."""
+"""Draw maps over mirrors and lines seen in them, as PNG files."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ def mirror_axes(axes: Axes, reflector: Reflector, title: str, labels: bool) -> N
 
 def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
     """Horizontal and vertical magnification, their ratio and the binocular disparity: a row for each mirror, one scale for
-    all of them in a column."""
+    all of them in a column.
+    """
     columns: Any = (("horizontal magnification", lambda m: m.magnification.magnification.horizontal, "viridis", None),
                     ("vertical magnification", lambda m: m.magnification.magnification.vertical, "viridis", None),
                     ("horizontal over vertical", lambda m: m.magnification.magnification.ratio, "PuOr", 1.0),
@@ -95,7 +96,8 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
 
 def line_drawings(path: Path, mirrors: Sequence[Measured]) -> float:
     """What a 1° grid of the far world, the horizon, lane lines and the column look like in each mirror, seen from between
-    the eyes. Returns the picture's width as a share of the page's, at which its text is as large as that of the others."""
+    the eyes. Returns the picture's width as a share of the page's, at which its text is as large as that of the others.
+    """
     columns, rows = min(len(mirrors), MAX_BESIDE), 1 + (len(mirrors) - 1) // MAX_BESIDE
     width = min(WIDEST_PANEL, PAGE_WIDTH / columns)
     titles = max(in_lines(each.mirror.name).count("\n") for each in mirrors)

@@ -1,4 +1,4 @@
-"""Bodies and the ground that is seen in, their lines in plan out."""
+"""Lines in plan of bodies and of the ground that is seen."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def footprint(vertices: Array) -> Array:
 
 def without_cuts(outline: Array) -> Array:
     """A closed outline (n, 2), mm, broken by rows of NaN where it runs across the road: there it only touches the next of its
-    eye's outlines, or the plan ends."""
+    eye's outlines, or the plan ends.
+    """
     closed = np.concatenate([outline, outline[:1]])
     step = np.abs(np.diff(closed, axis=0))
     cut = np.flatnonzero((step[:, 0] < ACROSS_MM) & (step[:, 1] > CUT_MM))

@@ -1,4 +1,4 @@
-"""A mirror on the vehicle in its scene in, all that a designer decides by out: records to draw, and figures as JSON."""
+"""Measure all that a designer decides by, of a mirror on the vehicle in its scene."""
 
 from __future__ import annotations
 
@@ -151,7 +151,8 @@ def shown_round(views: EyeViews) -> Orientation:
 
 def main_figures(mirror: DrivenMirror, asked: Asked) -> dict[str, float | bool | None]:
     """The figures whose changes are worth following while a mirror is turned or bent; None for what it does not show.
-    blind_endless : whether the blind zone goes on where looking ends."""
+    blind_endless : whether the blind zone goes on where looking ends.
+    """
     found: dict[str, float | bool | None] = dict.fromkeys(
         ("horizon_either_deg", "flank_share", "horizon_share", "width_at_20_m", "blind_length_m", "blind_endless"))
     try:
@@ -255,7 +256,8 @@ def _blind(measured: Measured) -> dict[str, Any]:
 
 def turned_figures(measured: Measured) -> dict[str, Any]:
     """What a mirror shows while it is turned about its aim. Azimuths from straight rearward, positive to the vehicle's right,
-    as those of the fields are."""
+    as those of the fields are.
+    """
     turned = measured.coverage
     side = -1.0 if measured.mirror.pose.hand == "left" else 1.0
     return {"yaw_deg": np.degrees(turned.turns).round(9).tolist(),

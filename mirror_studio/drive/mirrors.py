@@ -1,4 +1,4 @@
-"""A preset, specification, STEP or mesh file and a scene in, the mirror as it is aimed on the vehicle out."""
+"""Aim a preset, specification, STEP or mesh file as a mirror on the vehicle of a scene."""
 
 from __future__ import annotations
 

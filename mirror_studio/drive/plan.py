@@ -1,4 +1,4 @@
-"""Measured mirrors in, the ground that each shows out: a plan with lanes, vehicles and eyes, as a PNG file."""
+"""Draw the ground that mirrors show in plan, with lanes, vehicles and eyes, as a PNG file."""
 
 from __future__ import annotations
 

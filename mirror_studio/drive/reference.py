@@ -1,4 +1,4 @@
-"""A scene in, a pinhole camera's picture of it from the mirror's place out: a reference plane for the paper's set-up."""
+"""Photograph a scene from the mirror's position: a reference plane for the paper's set-up."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mirror_cad.spec import Eye
+from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.drive.pictures import World
@@ -26,7 +27,7 @@ WIDTH_PX = 2500
 DISTANCE_MM = 8200.0  # of the plane behind the eye: the paper's
 
 
-def write_reference(scene: SceneFile, out: Path, progress: Progress) -> dict[str, object]:
+def write_reference(scene: SceneFile, out: Path, progress: Progress) -> JsonObject:
     """Photograph the scene into a folder, with a specification that shows it in progressive-c; returns what it says of it."""
     lane = lane_on_plane(scene)
     with new_set(out) as folder:
@@ -40,13 +41,14 @@ def write_reference(scene: SceneFile, out: Path, progress: Progress) -> dict[str
         write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True),
                                        "versions": versions(), "files": hashes(folder)})
     progress.step(f"{scene.name}: done, in {out}; `mirror-cad build {out / 'reference.toml'}` shows it in a mirror")
-    return {"width_mm": WIDTH_MM, "centre_mm": list(CENTRE_MM), "distance_mm": DISTANCE_MM, "lane_slope": lane}
+    return {"width_mm": WIDTH_MM, "centre_mm": CENTRE_MM, "distance_mm": DISTANCE_MM, "lane_slope": lane}
 
 
 def reference_picture(scene: SceneFile, world: World, progress: Callable[[float], None] | None = None,
                       width_px: int = WIDTH_PX) -> Picture:
     """What a camera in the mirror's place, looking straight rearward, sees of the world, over a part of the plane DISTANCE_MM
-    behind the paper's eye. Its right lies at −X, as a rear-facing camera has it."""
+    behind the paper's eye. Its right lies at −X, as a rear-facing camera has it.
+    """
     size = WIDTH_MM / width_px
     pose = pose_of(scene)
     straight = Pose(pose.centre, pose.pivot, hand=pose.hand)

@@ -1,4 +1,4 @@
-"""Mirrors and a scene in, a set of files out: what the driver sees in each, all measures, drawings, and a sheet of it all."""
+"""Make the files of mirrors in a scene: what the driver sees, all measures, drawings, and a sheet of it all."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mirror_cad.spec.file import spec_as_json
+from mirror_studio.as_json import placement_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, refuse_unreflected, stated_placement, versions, write_json, write_png
 from mirror_studio.drive import drawings
@@ -66,7 +67,7 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
 def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, dict[str, float | None]]],
            rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]], left_out: list[str]) -> dict[str, Any]:
     found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name],
-                              "placement": each.mirror.placement.as_json()}
+                              "placement": placement_as_json(each.mirror.placement)}
              for each, change in zip(measured, changes, strict=True)]
     drawings.magnification_maps(folder / "maps.png", measured)
     lines_width = drawings.line_drawings(folder / "lines.png", measured)

@@ -1,4 +1,4 @@
-"""A mirror on the vehicle in, what its figures become when it is turned a little, or made a little flatter, out."""
+"""How a mirror's figures change when it is turned a little, or made a little flatter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ Figures = dict[str, float | bool | None]
 
 def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures], over_mm: float) -> dict[str, Figures]:
     """Figures of the mirror with its yaw and pitch changed by ±TURN_DEG, and with all its radii changed by ±RADII at the
-    same yaw and pitch; the latter only for a mirror that was designed. What the mirror no longer shows is None."""
+    same yaw and pitch; the latter only for a mirror that was designed. What the mirror no longer shows is None.
+    """
     turn = math.radians(TURN_DEG)
     found = {"as aimed": figures(mirror)}
     for name, yaw, pitch in (("yaw", turn, 0.0), ("pitch", 0.0, turn)):
@@ -35,6 +36,7 @@ def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures]
 
 def with_radii(spec: MirrorSpec, factor: float) -> MirrorSpec:
     """The specification with every radius of both laws `factor` times as large; a parameter that was solved for keeps the
-    value that it had."""
+    value that it had.
+    """
     horizontal = with_solved(spec.horizontal, design(spec).matched)
     return spec.model_copy(update={"horizontal": horizontal.scaled(factor), "vertical": spec.vertical.scaled(factor)})

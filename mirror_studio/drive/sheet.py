@@ -1,4 +1,4 @@
-"""A scene and its measured mirrors in, the page that sets them side by side out."""
+"""The page that sets the mirrors of a scene side by side."""
 
 from __future__ import annotations
 

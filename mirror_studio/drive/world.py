@@ -1,4 +1,4 @@
-"""A scene file in, the lit world around the vehicle, the eyes and the vehicle itself out, in mm."""
+"""The lit world around the vehicle, the eyes and the vehicle itself, in mm."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def own_vehicle_of(scene: SceneFile) -> HostVehicle:
 
 def pose_of(scene: SceneFile) -> Pose:
     """Where the mirror is, with the scene's yaw and pitch, or straight where it is aimed. The scene's place of a right-hand
-    mirror is its own, not that of the left one it is the reflection of."""
+    mirror is its own, not that of the left one it is the reflection of.
+    """
     mirror = scene.mirror
     side = np.array([1.0, -1.0 if mirror.hand == "right" else 1.0, 1.0])
     return Pose(MM * np.array(mirror.centre_m) * side, MM * np.array(mirror.pivot_m),

@@ -1,4 +1,4 @@
-"""Designed mirrors and their measured figures in; HTML and PDF reports, their tables and the paper's sheets out."""
+"""HTML and PDF reports of designed mirrors, their tables and the paper's sheets."""
 
 from mirror_studio.report.page import write_report
 from mirror_studio.report.paper_page import contact_sheet, table1_markdown, write_index

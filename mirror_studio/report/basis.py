@@ -1,31 +1,28 @@
-"""What a deviation was judged on in, and how far its figures may be off; the same in words and table cells out."""
+"""What a deviation was judged on and how far its figures may be off, in words and table cells."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import QUANTITIES, Deviation
 from mirror_cad.mirror import Mirror
-from mirror_studio.report.fields import QUANTITIES
+from mirror_studio.build.results import Metrics
 from mirror_studio.report.report_data import ReportData
-from mirror_studio.report.stages import NUMERICAL, STAGE_NAMES, largest_of_pair
+from mirror_studio.report.stages import numerical_stages
 from mirror_studio.report.text import count, fixed, number, with_unit
 from mirror_studio.report.uncertainty import Uncertainty
 
 SAMPLING_DIGITS = 5  # the grid and its refinement differ in the fourth or later
 
 
-def basis_rows(mirror: Mirror, metrics: Mapping[str, Any], findings: ReportData) -> list[tuple[str, str]]:
+def basis_rows(mirror: Mirror, metrics: Metrics, findings: ReportData) -> list[tuple[str, str]]:
     """Evaluated area, what realised and designed are, grid, averages, signs and percent."""
     found = findings.uncertainty
     (nx, ny), (inside, edge) = found.cells, found.places
     x_min, x_max, y_min, y_max = mirror.box
-    whole = with_unit((metrics.get("plate") or {}).get("area_mm2"), "mm²", 6)
+    whole = with_unit(metrics.plate and metrics.plate.area_mm2, "mm²", 6)
     return [
         ("Evaluated area", f"the whole optical face inside its outline, rounded corners and edge included: "
                            f"{with_unit(mirror.outline.area_mm2(), 'mm²', 6)} as seen along z"
-                           + (f", {whole} on the face" if metrics.get("plate") else "")),
+                           + (f", {whole} on the face" if metrics.plate else "")),
         ("Realised", f"the face named “optical face” in {mirror.spec.name}.step, as read back from that file"),
         ("Designed", "the pair of curvatures 1/Rx(x) and 1/Ry(x) of the two laws, without twist"),
         ("Grid", f"{nx} × {ny} cells over the outline's box, {fixed((x_max - x_min) / nx, 2)} × "
@@ -51,7 +48,7 @@ def sampling_rows(found: Uncertainty) -> list[tuple[str, list[str]]]:
             ("what the refinement changed", [with_unit(b - a, unit, 2, sign=True) for a, b in zip(coarse, fine, strict=True)])]
 
 
-def rounding_rows(deviation: CurvatureDeviation, found: Uncertainty) -> list[tuple[str, str, str]]:
+def rounding_rows(deviation: Deviation, found: Uncertainty) -> list[tuple[str, str, str]]:
     """Every other source of numerical uncertainty: what, how large, and where it enters."""
     rows = [("Grid, its refinement", _sampled(found), "comes on top: a maximum between the places"),
             ("Rounding, two formulas of the realised curvature", with_unit(found.rounding_per_m, "/m", 2), "comes on top")]
@@ -61,13 +58,11 @@ def rounding_rows(deviation: CurvatureDeviation, found: Uncertainty) -> list[tup
         rows.append(("Quadrature of the exact profile, against Gauss's rule",
                      f"{with_unit(found.quadrature_mm, 'mm', 2)}{curvature}",
                      "enters heights and slopes; curvatures are held against the laws themselves"))
-    for stage in NUMERICAL:
-        entry = deviation.stages[stage]
-        off = largest_of_pair(entry)
-        per_m = max(abs(entry[f"{key}_max_per_m"]) for key in ("k1", "k2"))
-        rows.append((f"{STAGE_NAMES[stage][0].upper()}{STAGE_NAMES[stage][1:]}, largest of k1 and k2",
+    for name, stage in numerical_stages(deviation):
+        off, per_m = stage.largest_principal_percent, stage.largest_principal_per_m
+        rows.append((f"{name[0].upper()}{name[1:]}, largest of k1 and k2",
                      f"{with_unit(off, '%', 2) if off is not None else with_unit(per_m, '/m', 2)}, "
-                     f"{with_unit(abs(entry['sag_max_mm']), 'mm', 2)}", "is part of the deviation shown, not beside it"))
+                     f"{with_unit(abs(stage.sag_max_mm), 'mm', 2)}", "is part of the deviation shown, not beside it"))
     return rows
 
 

@@ -1,4 +1,4 @@
-"""Three cuts each way in, their radii with the limit's band and their curvature combs as drawings out."""
+"""Draw the radii of three cuts each along x and y with the limit's band, and their curvature combs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror and its optical face as read back in, three cuts each way with their curvatures out."""
+"""Cut a mirror three times along x and y, with the curvatures along each cut."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mirror_cad.designed import FLOOR
 from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, shape_operator
-from mirror_studio.report.fields import differences, percent_of
+from mirror_studio.report.fields import deviation_in
 from mirror_studio.report.tables import Table
 
 Array = NDArray[np.float64]
@@ -98,8 +98,7 @@ def _cut(mirror: Mirror, surface: BSplineSurface, along: Literal["x", "y"], at: 
     d = surface.derivatives(x, y)
     realised, designed = shape_operator(d), mirror.curvature.shape(x)
     first, second = (d[key][:, 2] for key in (("u", "uu") if along == "x" else ("v", "vv")))
-    values = percent_of(realised, designed, rms) if unit == "%" else {
-        key: 1e3 * value for key, value in differences(realised, designed).items()}
+    values = deviation_in(unit, realised, designed, rms)
     limit, band = mirror.spec.limits.curvature_percent, None
     if limit is not None and rms > 0.0:
         band = {}
@@ -108,7 +107,7 @@ def _cut(mirror: Mirror, surface: BSplineSurface, along: Literal["x", "y"], at: 
             band[key] = _outside(np.stack([kappa - allowed, kappa + allowed]), inside)
     return Cut(along, at, _outside(d["s"].T, inside).T, _masked(designed, inside), _masked(realised, inside),
                _outside(-second / (1.0 + first**2) ** 1.5, inside), _outside(first, inside),
-               {key: _outside(values[key], inside) for key in ("kx", "ky")}, unit, band)
+               {"kx": _outside(values.kx, inside), "ky": _outside(values.ky, inside)}, unit, band)
 
 
 def _masked(w: ShapeOperator, inside: NDArray[np.bool_]) -> ShapeOperator:

@@ -1,4 +1,4 @@
-"""Curves, bands and teeth in the units of their axes in, a drawing of panels as SVG out.
+"""Draw curves, bands and teeth in the units of their axes, as panels of one SVG.
 
 Some thirty small axes make up the report's curves. Matplotlib takes a second and a half for their ticks; these take a
 hundredth.

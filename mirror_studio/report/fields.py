@@ -1,4 +1,4 @@
-"""A CurvatureDeviation in, the fields that the report draws, with their units and scales, out."""
+"""The fields of a deviation that the report draws, with their units and scales."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.designed import FLOOR, percent_scale
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import CurvatureFields, Deviation, differences, index_of_largest, percent_of
 from mirror_cad.grid import Grid
-from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of
+from mirror_cad.surfaces.differential import ShapeOperator
 
 Array = NDArray[np.float64]
 
-QUANTITIES = ("k1", "k2", "kx", "ky", "twist")
 # A radius beyond this is as good as flat, and would leave the colours of a scale in mm to one end.
 LARGEST_RADIUS_MM = 1e5
 # Differences below these are the last digits of float64: a scale finer than this would paint them as structure.
@@ -26,7 +24,6 @@ FAR_LIMIT = 3.0
 # Beyond this a deviation is larger than the curvature it is a percent of, as where a law passes through zero: one line of
 # such places would set the scale of all maps.
 LARGEST_PERCENT = 100.0
-SAME_SIZE = 1e-6  # relative: values that rounding alone tells apart, as a mirror that is symmetric in y has them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +73,7 @@ class DeviationFields:
         return self.limit is not None and self.limit > FAR_LIMIT * self.largest
 
 
-def pairs_of(deviation: CurvatureDeviation) -> list[Pair]:
+def pairs_of(deviation: Deviation) -> list[Pair]:
     """Rx, Ry (mm; as curvature, 1/m, where they are flat or change sign), Km and Ka of eq. 1 (1/m), at the grid."""
     designed, realised = deviation.designed, deviation.realised
     power = [[0.5e3 * (w.w11 + w.w22), 0.5e3 * (w.w11 - w.w22)] for w in (designed, realised)]
@@ -84,36 +81,33 @@ def pairs_of(deviation: CurvatureDeviation) -> list[Pair]:
             Pair("Km", "1/m", power[0][0], power[1][0]), Pair("Ka", "1/m", power[0][1], power[1][1])]
 
 
-def deviation_fields(deviation: CurvatureDeviation, limit_percent: float | None) -> DeviationFields:
+def deviation_fields(deviation: Deviation, limit_percent: float | None) -> DeviationFields:
     """The deviations the report draws, and where each is worst."""
-    values, unit, limit = deviation.percent, "%", limit_percent
-    if values is None or max(float(np.abs(field).max()) for field in values.values()) > LARGEST_PERCENT:
+    if deviation.percent is None or max(float(np.abs(field).max()) for field in deviation.percent) > LARGEST_PERCENT:
         per_mm = differences(deviation.realised, deviation.designed)
-        values, unit, limit = {key: 1e3 * field for key, field in per_mm.items()}, "1/m", None
+        values, unit, limit = {key: 1e3 * field for key, field in per_mm._asdict().items()}, "1/m", None
+    else:
+        values, unit, limit = deviation.percent._asdict(), "%", limit_percent
     return DeviationFields(values, unit, {key: _worst(field, deviation.grid) for key, field in values.items()}, limit)
 
 
 def _worst(field: Array, grid: Grid) -> tuple[float, tuple[float, float]]:
     """The value largest in size and its place; of places that rounding alone tells apart the upper, as in deviation.json."""
-    size = np.abs(field)
-    ties = np.flatnonzero(size >= size.max() * (1.0 - SAME_SIZE))
-    at = int(ties[np.argmax(grid.y[ties])])
+    at = index_of_largest(np.abs(field), grid)
     return float(field[at]), (float(grid.x[at]), float(grid.y[at]))
 
 
-def differences(realised: ShapeOperator, designed: ShapeOperator) -> dict[str, Array]:
-    """k1, k2, kx, ky and twist, realised − designed, 1/mm."""
-    after, before = (principal_curvatures_of(w) for w in (realised, designed))
-    kx, ky, twist = (a - b for a, b in zip(realised, designed, strict=True))
-    return {"k1": after[0] - before[0], "k2": after[1] - before[1], "kx": kx, "ky": ky, "twist": twist}
+def deviation_in(unit: str, realised: ShapeOperator, designed: ShapeOperator, rms: float) -> CurvatureFields:
+    """Realised − designed at points, in percent as deviation.json has it, or in 1/m.
 
-
-def percent_of(realised: ShapeOperator, designed: ShapeOperator, rms: float) -> dict[str, Array]:
-    """`differences` in percent as deviation.json has them; rms : of the designed curvature, 1/mm, above 0."""
-    pair, floor = percent_scale(designed, rms), FLOOR * rms
-    scale = {"k1": pair[..., 0], "k2": pair[..., 1], "kx": np.maximum(np.abs(designed.w11), floor),
-             "ky": np.maximum(np.abs(designed.w22), floor), "twist": np.asarray(rms)}
-    return {key: 100.0 * value / scale[key] for key, value in differences(realised, designed).items()}
+    Parameters
+    ----------
+    unit : "%" or "1/m".
+    realised, designed : (n,) each, 1/mm.
+    rms : of the designed curvature over the mirror, 1/mm, above 0 for percent.
+    """
+    per_mm = differences(realised, designed)
+    return percent_of(per_mm, designed, rms) if unit == "%" else CurvatureFields(*(1e3 * value for value in per_mm))
 
 
 def radius_pair(name: str, designed: Array, realised: Array) -> Pair:

@@ -1,4 +1,4 @@
-"""A mirror and its manifest in, what stands at the head of the report out: which part, which files, which day, whose names."""
+"""The head of the report: which part, which files, which day, whose names."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
 
 from mirror_cad.mirror import Mirror
+from mirror_studio.as_json import JsonObject
+from mirror_studio.build.results import Manifest
 
 SIGNATURES = ("made", "checked", "approved")
 HANDS = {"left": "left: the driver sits on its right, x > 0", "right": "right: the driver sits on its left, x < 0"}
@@ -20,21 +21,30 @@ def today() -> str:
     return time.strftime("%Y-%m-%d", time.gmtime(int(os.environ.get("SOURCE_DATE_EPOCH", str(int(time.time()))))))
 
 
-def heading(mirror: Mirror, manifest: Mapping[str, Any]) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class Heading:
     """Part number and revision, None where none is stated; hand, title, specification with its hash, program and day."""
-    spec = mirror.spec
-    versions = manifest.get("versions") or {}
+
+    number: str | None
+    revision: str | None
+    hand: str
+    title: str | None
+    spec: str
+    spec_sha256: str | None
+    program: str
+    date: str
+
+
+def heading(mirror: Mirror, manifest: Manifest) -> Heading:
+    """What stands at the head of a mirror's report."""
+    spec, versions = mirror.spec, manifest.versions
     program = " ".join(["mirror-cad", *([versions["mirror-cad"]] if "mirror-cad" in versions else [])])
     kernel = f", kernel cadquery-ocp {versions['cadquery-ocp']}" if "cadquery-ocp" in versions else ""
-    return {
-        "number": spec.part.number, "revision": spec.part.revision, "hand": spec.part.hand,
-        "title": spec.part.title, "spec": spec.name,
-        "spec_sha256": spec_digest(manifest["spec"]) if "spec" in manifest else None,
-        "program": f"{program}{kernel}", "date": today(),
-    }
+    return Heading(spec.part.number, spec.part.revision, spec.part.hand, spec.part.title, spec.name,
+                   None if manifest.spec is None else spec_digest(manifest.spec), f"{program}{kernel}", today())
 
 
-def spec_digest(spec: Mapping[str, Any]) -> str:
+def spec_digest(spec: JsonObject) -> str:
     """SHA-256 of a specification as the manifest has it, written as JSON with sorted keys and without spaces."""
     return hashlib.sha256(json.dumps(spec, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""Deviations over the mirror in, how much of its area has how much of them out: figures and a drawing."""
+"""How much of a mirror's area has how much deviation: figures and a drawing."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import QUANTITIES, Deviation
 from mirror_studio.report.drawing import WIDTH, Panel, drawing, legend
-from mirror_studio.report.fields import QUANTITIES, DeviationFields
+from mirror_studio.report.fields import DeviationFields
 from mirror_studio.report.maps import LIMIT
 from mirror_studio.report.tables import Table
 from mirror_studio.report.text import given
@@ -42,10 +42,11 @@ class Histogram:
                      | {f"{key}_share_percent": share for key, share in self.share.items()})
 
 
-def histogram(deviation: CurvatureDeviation, fields: DeviationFields) -> Histogram:
+def histogram(deviation: Deviation, fields: DeviationFields) -> Histogram:
     """Of all quantities, on the scale of their maps."""
     edges, weights = np.linspace(-fields.scale, fields.scale, BINS + 1), deviation.grid.weights
-    share = {key: 100.0 * np.histogram(fields.values[key], edges, weights=weights)[0] / weights.sum() for key in QUANTITIES}
+    share: dict[str, Array] = {
+        key: 100.0 * np.histogram(fields.values[key], edges, weights=weights)[0] / weights.sum() for key in QUANTITIES}
     return Histogram(edges, share, fields.unit)
 
 

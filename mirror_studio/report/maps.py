@@ -1,4 +1,4 @@
-"""Fields over the mirror and its outline in, maps of them as PNG out."""
+"""Draw fields over the mirror as maps within its outline, as PNG."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import QUANTITIES, Deviation
 from mirror_cad.laws.words import plain
 from mirror_cad.outline import Outline
-from mirror_studio.report.fields import QUANTITIES, DeviationFields, Pair
+from mirror_studio.report.fields import DeviationFields, Pair
 from mirror_studio.report.text import with_unit
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ STYLE: dict[str, Any] = {
 }
 
 
-def pair_maps(deviation: CurvatureDeviation, outline: Outline, pairs: list[Pair]) -> bytes:
+def pair_maps(deviation: Deviation, outline: Outline, pairs: list[Pair]) -> bytes:
     """Designed beside realised, each pair on its own one scale; PNG."""
     frame = _Frame.of(deviation, outline)
     widths = [1.0, 1.0, 0.06, 0.42] * len(pairs)
@@ -65,7 +65,7 @@ def pair_maps(deviation: CurvatureDeviation, outline: Outline, pairs: list[Pair]
         return _png(figure)
 
 
-def deviation_maps(deviation: CurvatureDeviation, outline: Outline, fields: DeviationFields) -> bytes:
+def deviation_maps(deviation: Deviation, outline: Outline, fields: DeviationFields) -> bytes:
     """The five deviations on one scale about zero, worst places ringed, the limit as contours on k1 and k2; PNG."""
     frame = _Frame.of(deviation, outline)
     scale = fields.scale
@@ -101,12 +101,12 @@ def deviation_maps(deviation: CurvatureDeviation, outline: Outline, fields: Devi
 class _Frame:
     """How a map lies on its axes: the grid, its edges and the outline that cuts it."""
 
-    deviation: CurvatureDeviation
+    deviation: Deviation
     extent: tuple[float, float, float, float]
     rim: Array
 
     @staticmethod
-    def of(deviation: CurvatureDeviation, outline: Outline) -> _Frame:
+    def of(deviation: Deviation, outline: Outline) -> _Frame:
         return _Frame(deviation, outline.bounding_box(), outline.polyline(0.05))
 
     def draw(self, axes: Axes, values: Array, colours: str | Colormap, low: float, high: float) -> AxesImage:

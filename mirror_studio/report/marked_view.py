@@ -1,4 +1,4 @@
-"""Where the lane's image lies in the mirror in; that curve, the tangent it is judged by, and the picture with both out."""
+"""Mark the lane's image in the driver's picture, with the tangent that it is judged by."""
 
 from __future__ import annotations
 

@@ -1,19 +1,21 @@
-"""One mirror with its deviation, measured figures and manifest in, its self-contained report.html out."""
+"""The report of one mirror, a self-contained report.html, made from its deviation, metrics and manifest."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import QUANTITIES, Deviation
 from mirror_cad.laws.words import plain
+from mirror_studio.build.results import FieldOfView, GlassFigures, Manifest, Metrics
 from mirror_studio.report.basis import basis_rows, rounding_rows, sampling_rows
 from mirror_studio.report.cut_figures import comb_figure, radius_figure
-from mirror_studio.report.fields import LARGEST_PERCENT, QUANTITIES, DeviationFields, pairs_of
+from mirror_studio.report.fields import LARGEST_PERCENT, DeviationFields, pairs_of
 from mirror_studio.report.heading import HANDS, SIGNATURES, contradictions, heading
 from mirror_studio.report.histogram import histogram_figure
 from mirror_studio.report.maps import deviation_maps, pair_maps
@@ -24,13 +26,11 @@ from mirror_studio.report.side_by_side import side_by_side
 from mirror_studio.report.specification import specification_rows
 from mirror_studio.report.stages import (
     FLOOR_DIGITS,
-    NUMERICAL,
-    STAGE_NAMES,
     Floor,
     chain_links,
     explained_sentences,
-    largest_of_pair,
     model_sentences,
+    numerical_stages,
     spans_in_words,
     stage_rows,
     weakest_sentence,
@@ -60,26 +60,21 @@ METHODS = {
     "decoupled": "decoupled: vertical circles of radius Ry hung on the horizontal profile of Rx",
     "faithful": "faithful: the closest to both laws at once, by least squares on the whole shape operator",
 }
-CHECKS = {
-    "step_max_mm": "STEP read back by the kernel, farthest point from the design",
-    "part21_max_mm": "STEP read as plain text (Part 21), farthest point",
-    "volume_relative": "STEP read back, relative change of the volume",
-    "sheet_max_mm": "untrimmed sheet read back, farthest point",
-    "outline_box_mm": "outline read back from DXF, its box",
-    "points": "points on the 5 mm grid",
-}
 # Measures that have a row of their own in the report.
 OWN_ROWS = {"h_fov_section_deg", "h_fov_traced_deg", "v_fov_left_section_deg", "v_fov_left_traced_deg",
             "lane_straightness_percent"}
-UNITS = {"_mm": "mm", "_mm2": "mm²", "_mm3": "mm³", "_deg": "°", "_percent": "%", "_seconds": "s", "_arcsec": "″"}
 
 
-def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metrics: dict[str, Any],
-                 manifest: dict[str, Any], driver_view_png: bytes, findings: ReportData) -> None:
+def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics,
+                 manifest: Manifest, driver_view_png: bytes, findings: ReportData) -> None:
     """Write the report of one mirror: a page without scripts and external requests, readable in print on A4.
 
-    metrics : fields of view in degrees, lane straightness in percent, STL on the plane in mm, both methods side by side,
-    rays, eye in mm, plate, files; any of them may be missing or None.   manifest : spec, versions, notes and the files' sha256.
+    Parameters
+    ----------
+    path : of the file to write.
+    mirror, deviation, metrics, manifest : what the report is about; what `metrics` does not have is left out.
+    driver_view_png : the bytes of the driver's picture.
+    findings : what the report finds beyond deviation and metrics.
     """
     pairs = pairs_of(deviation)
     limit, surface, fields = mirror.spec.limits.curvature_percent, mirror.spec.surface, findings.fields
@@ -97,7 +92,7 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
     }
     head = heading(mirror, manifest)
     page = templates().get_template("report.html.j2").render(
-        title=f"{head['number'] or head['spec']}: curvature report", head=head, hands=HANDS, signatures=SIGNATURES,
+        title=f"{head.number or head.spec}: curvature report", head=head, hands=HANDS, signatures=SIGNATURES,
         contradictions=contradictions(mirror), facts=facts(mirror, metrics),
         verdicts=verdicts(mirror, deviation, fields, metrics),
         requirements=requirement_groups(findings.requirements, findings.uncertainty),
@@ -110,25 +105,35 @@ def write_report(path: Path, mirror: Mirror, deviation: CurvatureDeviation, metr
         as_curvature=[pair.name.removeprefix("1/") for pair in pairs if pair.as_curvature],
         quantities=QUANTITIES, stages=stage_rows(deviation, surface.method), explained=explained_sentences(deviation),
         model=model_sentences(deviation, surface.method, Floor.found(mirror.faithful), surface.curvature_tolerance_percent),
-        stl=deviation.stages["stl"], chain=chain_links(deviation), weakest=weakest_sentence(deviation.chain),
+        stl=deviation.stages.stl, chain=chain_links(deviation), weakest=weakest_sentence(deviation.rays),
         method=surface.method, flat=deviation.percent is None, largest_percent=LARGEST_PERCENT,
-        both=side_by_side(metrics.get("methods"), surface.method, mirror.spec.scene.distance_mm),
+        both=side_by_side(metrics.methods, surface.method, mirror.spec.scene.distance_mm),
         making=_making(mirror, metrics),
-        files=_sorted_files(mirror.spec.name, manifest.get("files") or {}), versions=manifest.get("versions") or {},
-        notes=manifest.get("notes") or list(mirror.notes), specification=specification_rows(mirror.spec),
+        files=_sorted_files(mirror.spec.name, manifest.files), versions=manifest.versions,
+        notes=manifest.notes or mirror.notes, specification=specification_rows(mirror.spec),
     )
     path.write_text(page, encoding="utf-8")
 
 
-def verdicts(mirror: Mirror, deviation: CurvatureDeviation, fields: DeviationFields,
-             metrics: Mapping[str, Any]) -> list[dict[str, str]]:
-    """The verdicts in words with their numbers: what was judged, met (“yes”, “no” or “open”), head and text."""
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was judged, whether it is met (“yes”, “no” or “open”), and why, in words."""
+
+    what: str
+    met: str
+    head: str
+    text: str
+
+
+def verdicts(mirror: Mirror, deviation: Deviation, fields: DeviationFields,
+             metrics: Metrics) -> list[Verdict]:
+    """The verdicts in words with their numbers."""
     rows = view_requirements(mirror, metrics)
     return [_numerical_verdict(mirror, deviation), _part_verdict(mirror, deviation, fields),
             *([_view_verdict(rows)] if rows else [])]
 
 
-def _view_verdict(rows: list[Requirement]) -> dict[str, str]:
+def _view_verdict(rows: list[Requirement]) -> Verdict:
     met = all(row.met for row in rows)
     asked: dict[str, list[str]] = {}
     for row in rows:
@@ -136,63 +141,56 @@ def _view_verdict(rows: list[Requirement]) -> dict[str, str]:
             said = f"{row.name} {actual_in_words(row, sign=False)}"
             asked.setdefault(said, []).append(f"at {row.side} {given(row.limit, row.unit)}")
     text = "; ".join(f"{said} (asked for: {' and '.join(limits)})" for said, limits in asked.items())
-    return {"what": "View", "met": "yes" if met else "no", "text": f"{text[0].upper()}{text[1:]}.",
-            "head": "Within what is asked of field of view and lane" if met else
-            f"Beyond what is asked: {'; '.join(row.name for row in rows if not row.met)}"}
+    return Verdict("View", "yes" if met else "no", "Within what is asked of field of view and lane" if met else
+                   f"Beyond what is asked: {'; '.join(row.name for row in rows if not row.met)}",
+                   f"{text[0].upper()}{text[1:]}.")
 
 
-def _numerical_verdict(mirror: Mirror, deviation: CurvatureDeviation) -> dict[str, str]:
+def _numerical_verdict(mirror: Mirror, deviation: Deviation) -> Verdict:
     asked = mirror.spec.surface
     reached = []
-    for name in NUMERICAL:
-        entry = deviation.stages[name]
-        off = largest_of_pair(entry)
+    for name, stage in numerical_stages(deviation):
+        off = stage.largest_principal_percent
         curvature = (_beside(off, asked.curvature_tolerance_percent, "%", 2) if off is not None
-                     else with_unit(_largest_per_m(entry), "/m", 2))
-        height = _beside(abs(entry["sag_max_mm"]), asked.position_tolerance_mm, "mm", 2)
-        reached.append(f"{STAGE_NAMES[name]} {curvature} of curvature and {height} of height")
-    return {
-        "what": "Numerical", "met": "yes" if deviation.numerical else "no",
-        "head": "Tolerances met" if deviation.numerical else "Tolerances not met",
-        "text": f"From the exact {asked.method} surface{_spans_of(mirror)} to the file, at most: {'; '.join(reached)}. Asked: "
-                f"{given(asked.curvature_tolerance_percent, '%')} (k1, k2) and {given(asked.position_tolerance_mm, 'mm')} in "
-                "each stage.",
-    }
+                     else with_unit(stage.largest_principal_per_m, "/m", 2))
+        height = _beside(abs(stage.sag_max_mm), asked.position_tolerance_mm, "mm", 2)
+        reached.append(f"{name} {curvature} of curvature and {height} of height")
+    return Verdict(
+        "Numerical", "yes" if deviation.numerical else "no",
+        "Tolerances met" if deviation.numerical else "Tolerances not met",
+        f"From the exact {asked.method} surface{_spans_of(mirror)} to the file, at most: {'; '.join(reached)}. Asked: "
+        f"{given(asked.curvature_tolerance_percent, '%')} (k1, k2) and {given(asked.position_tolerance_mm, 'mm')} in "
+        "each stage.")
 
 
-def _part_verdict(mirror: Mirror, deviation: CurvatureDeviation, fields: DeviationFields) -> dict[str, str]:
+def _part_verdict(mirror: Mirror, deviation: Deviation, fields: DeviationFields) -> Verdict:
     total, limit, surface = deviation.total, mirror.spec.limits.curvature_percent, mirror.spec.surface.method.capitalize()
     if deviation.percent is None:
-        return {"what": "Part", "met": "open",
-                "head": "No limit asked for" if limit is None else "Limit in percent does not apply",
-                "text": f"{surface} surface of a flat design, whose deviation has no percent: k1 and k2 differ from zero by at "
-                        f"most {with_unit(_largest_per_m(total), '/m', 2)}."}
+        return Verdict("Part", "open", "No limit asked for" if limit is None else "Limit in percent does not apply",
+                       f"{surface} surface of a flat design, whose deviation has no percent: k1 and k2 differ from zero by at "
+                       f"most {with_unit(total.largest_principal_per_m, '/m', 2)}.")
     percent = fields.unit == "%"
     worst = "; ".join(f"{key} {_beside(value, limit, '%', 3, True) if percent else with_unit(value, '/m', sign=True)} at "
                       f"{place(at)}{NARROW_SPACE}mm" for key, (value, at) in fields.worst.items() if key in ("k1", "k2"))
-    other = " and ".join(with_unit(total[f"{key}_max_per_m"], "/m", sign=True) if percent else
-                         _beside(total[f"{key}_max_percent"], limit, "%", 3, True) for key in ("k1", "k2"))
+    other = " and ".join(with_unit(one.max_per_m, "/m", sign=True) if percent else
+                         _beside(one.max_percent, limit, "%", 3, True) for one in (total.k1, total.k2))
     text = f"{surface} surface, realised against designed curvature at its worst: {worst} ({other})."
     if deviation.part is None or limit is None:
-        return {"what": "Part", "met": "open", "head": "No limit asked for", "text": text}
+        return Verdict("Part", "open", "No limit asked for", text)
     allowed = f"±{given(limit, '%')}"
     if deviation.part:
-        return {"what": "Part", "met": "yes", "head": f"Within the limit of {allowed}", "text": text}
-    beyond = np.maximum(np.abs(deviation.percent["k1"]), np.abs(deviation.percent["k2"])) > limit
+        return Verdict("Part", "yes", f"Within the limit of {allowed}", text)
+    beyond = np.maximum(np.abs(deviation.percent.k1), np.abs(deviation.percent.k2)) > limit
     share = 100.0 * float(np.average(beyond, weights=deviation.grid.weights))
-    return {"what": "Part", "met": "no", "head": f"Beyond the limit of {allowed}",
-            "text": f"{text} {with_unit(share, '%', 2)} of the area lies beyond the limit."}
+    return Verdict("Part", "no", f"Beyond the limit of {allowed}",
+                   f"{text} {with_unit(share, '%', 2)} of the area lies beyond the limit.")
 
 
-def _beside(value: float, limit: float | None, unit: str, digits: int, sign: bool = False) -> str:
+def _beside(value: float | None, limit: float | None, unit: str, digits: int, sign: bool = False) -> str:
     """A value beside the limit that its size is held to, in digits that show whether it meets it."""
-    if limit is not None:
+    if limit is not None and value is not None:
         digits = digits_telling(abs(value), limit, abs(value) <= limit, digits)
     return with_unit(value, unit, digits, sign)
-
-
-def _largest_per_m(entry: Mapping[str, Any]) -> float:
-    return max(abs(entry[f"{key}_max_per_m"]) for key in ("k1", "k2"))
 
 
 def _spans_of(mirror: Mirror) -> str:
@@ -203,15 +201,15 @@ def _spans_of(mirror: Mirror) -> str:
     return f", least squares on {spans} spans of degree {mirror.faithful.degree},"
 
 
-def facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
+def facts(mirror: Mirror, metrics: Metrics) -> list[tuple[str, str]]:
+    """What was asked for: laws, surface, size and eye."""
     spec = mirror.spec
     x_min, x_max, y_min, y_max = mirror.box
     solved = mirror.matched[1] if mirror.matched else None
-    eye = metrics.get("eye_mm")
     above = "centre" if spec.eye.aligned == "centre" else f"{spec.eye.aligned} edge"
     sits = f"{plain(spec.eye.distance_mm)} mm from the centre, in front of the mirror's {above}"
-    if eye:
-        sits += f": ({', '.join(fixed(v, 1) for v in eye)}) mm"
+    if metrics.eye_mm:
+        sits += f": ({', '.join(fixed(v, 1) for v in metrics.eye_mm)}) mm"
     return [
         ("Horizontal law Rx(x)", spec.horizontal.in_words(solved)),
         ("Vertical law Ry(x)", spec.vertical.in_words()),
@@ -224,48 +222,69 @@ def facts(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _view(mirror: Mirror, metrics: Mapping[str, Any]) -> dict[str, Any]:
-    def pair(key: str, names: tuple[str, str]) -> list[str]:
-        values = metrics.get(key) or {}
-        unit, decimals = ("%", 1) if key.endswith("percent") else ("°", 2)
-        return [fixed_with_unit(values.get(name), unit, decimals) for name in names]
+@dataclass(frozen=True, slots=True)
+class StlWords:
+    """What the STL does to rays, in words: by its facets, and with interpolated normals."""
 
-    plane, smooth = metrics.get("stl_on_plane_mm") or {}, metrics.get("stl_interpolated_on_plane_mm") or {}
-    rays, figures = metrics.get("rays") or {}, metrics.get("measures") or {}
-    return {
-        "horizontal": pair("h_fov_deg", ("section", "traced")),
-        "more": [(one.title, fixed_with_unit(figures[name], one.unit, one.decimals), one.definition)
-                 for name, one in registered().items() if name in figures and name not in OWN_ROWS],
-        "vertical": pair("v_fov_left_deg", ("section", "traced")),
-        "lane": pair("lane_straightness_percent", ("traced", "image")),
-        "lane_y": lane_in_words(mirror.spec.scene.lane.model_dump()), "plane_mm": plain(mirror.spec.scene.distance_mm),
-        "left_half_mm": plain(round(0.5 * mirror.left_height_mm, 1)),
-        "stl": {"max": with_unit(plane.get("max"), "mm"), "rms": with_unit(plane.get("rms"), "mm"),
-                "smooth_max": with_unit(smooth.get("max"), "mm"), "smooth_rms": with_unit(smooth.get("rms"), "mm"),
-                "rays": count(plane.get("rays"))} if plane.get("max") is not None else None,
-        "glass": _glass(metrics.get("glass")),
-        "rays": [(name.replace("_", " "), count(value)) for name, value in rays.items() if value is not None],
-    }
+    max: str
+    rms: str
+    smooth_max: str
+    smooth_rms: str
+    rays: str
 
 
-def _glass(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+@dataclass(frozen=True, slots=True)
+class ViewWords:
+    """What the driver sees, in words, for the section of that name."""
+
+    horizontal: tuple[str, str]
+    vertical: tuple[str, str]
+    lane: tuple[str, str]
+    more: list[tuple[str, str, str]]
+    lane_y: str
+    plane_mm: str
+    left_half_mm: str
+    stl: StlWords | None
+    glass: list[tuple[str, str]]
+    rays: list[tuple[str, str]]
+
+
+def _view(mirror: Mirror, metrics: Metrics) -> ViewWords:
+    def degrees(found: FieldOfView) -> tuple[str, str]:
+        return fixed_with_unit(found.section, "°", 2), fixed_with_unit(found.traced, "°", 2)
+
+    plane, smooth, lane = metrics.stl_on_plane, metrics.stl_interpolated_on_plane, metrics.lane_straightness_percent
+    stl = None if plane.max_mm is None else StlWords(
+        with_unit(plane.max_mm, "mm"), with_unit(plane.rms_mm, "mm"), with_unit(smooth.max_mm, "mm"),
+        with_unit(smooth.rms_mm, "mm"), count(plane.rays))
+    return ViewWords(
+        degrees(metrics.h_fov_deg), degrees(metrics.v_fov_left_deg),
+        (fixed_with_unit(lane.traced, "%", 1), fixed_with_unit(lane.image, "%", 1)),
+        [(one.title, fixed_with_unit(metrics.measures[name], one.unit, one.decimals), one.definition)
+         for name, one in registered().items() if name in metrics.measures and name not in OWN_ROWS],
+        lane_in_words(mirror.spec.scene.lane.model_dump()), plain(mirror.spec.scene.distance_mm),
+        plain(round(0.5 * mirror.left_height_mm, 1)), stl, _glass(metrics.glass),
+        [(name.replace("_", " "), count(value)) for name, value in metrics.rays.items()])
+
+
+def _glass(found: GlassFigures | None) -> list[tuple[str, str]]:
     """What the glass before a reflecting back does to the view; empty without."""
-    if not found:
+    if found is None:
         return []
-    apart, front, image = found["ghost_arcmin"], found["front_reflectance"], found["image_reflectance"]
+    ghost = found.ghost
     mean, largest, through = (None if share is None else 100.0 * share
-                              for share in (front["mean"], front["max"], image["mean"]))
-    at = f" at {place(apart['max_at_mm'])}{NARROW_SPACE}mm" if apart["max_at_mm"] else ""
+                              for share in (ghost.front_mean, ghost.front_max, ghost.image_mean))
+    at = f" at {place(ghost.max_at_mm)}{NARROW_SPACE}mm" if ghost.max_at_mm else ""
     return [
-        ("ghost beside the image, largest", fixed_with_unit(apart["max"], "′", 1) + at),
-        ("the same, mean", fixed_with_unit(apart["mean"], "′", 1)),
+        ("ghost beside the image, largest", fixed_with_unit(ghost.max_arcmin, "′", 1) + at),
+        ("the same, mean", fixed_with_unit(ghost.mean_arcmin, "′", 1)),
         ("light in the ghost", f"{fixed_with_unit(mean, '%', 1)}, at most {fixed_with_unit(largest, '%', 1)}"),
         ("light in the image", fixed_with_unit(through, "%", 1)),
-        ("horizontal field of view, added", fixed_with_unit(found["h_fov_added_deg"], "°", 2)),
+        ("horizontal field of view, added", fixed_with_unit(found.h_fov_added_deg, "°", 2)),
     ]
 
 
-def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _making(mirror: Mirror, metrics: Metrics) -> list[tuple[str, str]]:
     fit, surface = mirror.fit, mirror.spec.surface
     step = f", step {plain(surface.step_mm)} mm" if surface.step_mm is not None else ""
     rows = [("Method", METHODS[surface.method])]
@@ -287,20 +306,20 @@ def _making(mirror: Mirror, metrics: Mapping[str, Any]) -> list[tuple[str, str]]
                      f"bounding box (asked: {given(surface.curvature_tolerance_percent, '%')})"))
     if mirror.matched is not None:
         rows.append(("Solved for", f"{mirror.matched[0]} = {number(mirror.matched[1], 6)}"))
-    plate, other = metrics.get("plate") or {}, "Back" if mirror.spec.glass.reflecting == "front" else "Front"
-    rows += [(label, with_unit(plate[key], unit, digits)) for key, label, unit, digits in (
-        ("area_mm2", "Area of the optical face", "mm²", 5), ("volume_mm3", "Volume of the plate", "mm³", 5),
-        ("back_error_mm", f"{other} of the plate against the true offset", "mm", 2)) if plate.get(key) is not None]
-    rows += [(CHECKS.get(key, key.replace("_", " ")), _measured(key, value))
-             for key, value in (metrics.get("files") or {}).items() if value is not None]
+    other = "Back" if mirror.spec.glass.reflecting == "front" else "Front"
+    if metrics.plate is not None:
+        rows += [("Area of the optical face", with_unit(metrics.plate.area_mm2, "mm²", 5)),
+                 ("Volume of the plate", with_unit(metrics.plate.volume_mm3, "mm³", 5)),
+                 (f"{other} of the plate against the true offset", with_unit(metrics.plate.back_error_mm, "mm", 2))]
+    if metrics.files is not None:
+        checked, files = metrics.files.step, metrics.files
+        rows += [("STEP read back by the kernel, farthest point from the design", with_unit(checked.step_max_mm, "mm", 2)),
+                 ("STEP read as plain text (Part 21), farthest point", with_unit(checked.part21_max_mm, "mm", 2)),
+                 ("STEP read back, relative change of the volume", number(checked.volume_relative)),
+                 ("untrimmed sheet read back, farthest point", with_unit(files.sheet_max_mm, "mm", 2)),
+                 ("outline read back from DXF, its box", with_unit(files.outline_box_mm, "mm", 2)),
+                 ("points on the 5 mm grid", number(float(files.points)))]
     return rows
-
-
-def _measured(key: str, value: Any) -> str:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return str(value)
-    unit = next((unit for suffix, unit in UNITS.items() if key.endswith(suffix)), "")
-    return with_unit(value, unit, 2) if unit else number(value)
 
 
 def _sorted_files(name: str, files: Mapping[str, str]) -> dict[str, list[tuple[str, str]]]:

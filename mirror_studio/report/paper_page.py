@@ -1,23 +1,17 @@
-"""The six mirrors of Lee et al. (2014) with their figures in; the index page, table 1 and contact sheets out."""
+"""The page of the six mirrors of Lee et al. (2014): index, table 1 and contact sheets."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
-from mirror_studio.report.side_by_side import METHODS
+from mirror_studio.build.results import Built, FieldOfView, PaperRow
 from mirror_studio.report.text import MISSING, fixed, fixed_with_unit, lane_in_words, templates, with_unit
 
-# Table 1's rows: key, name, unit. The paper's values keep its one decimal.
-MEASURES = (
-    ("h_fov_deg", "H-FOV", "°"),
-    ("v_fov_left_deg", "V-FOV at the left edge", "°"),
-    ("lane_straightness_percent", "Lane straightness", "%"),
-)
 FIGURES = {
     "fig5": "As figure 5 of the paper: the driver's view in spheres. The smaller the radius, the more is seen, and the "
             "smaller.",
@@ -51,65 +45,93 @@ def contact_sheet(path: Path, title: str, panels: Sequence[tuple[str, Path | Ima
     sheet.save(path, "PNG", compress_level=6)
 
 
-def write_index(path: Path, mirrors: list[dict[str, Any]], table1: dict[str, Any], figures: dict[str, str]) -> None:
+def write_index(path: Path, mirrors: Sequence[Built], table1: Mapping[str, PaperRow], figures: Mapping[str, str]) -> None:
     """Write index.html beside the mirrors' folders, with links into them and no external requests.
 
-    mirrors : name, metrics, deviation (as in deviation.json) and spec of each.   table1 : measure → ours and paper, of
-    each progressive mirror.   figures : "fig5", "fig6" → file beside the page.
+    Parameters
+    ----------
+    path : of the file to write.
+    mirrors : all mirrors, each with a folder of its name beside the page.
+    table1 : ours and the paper's, by the names of the progressive mirrors.
+    figures : the file of “fig5” and of “fig6”, beside the page.
     """
-    lanes = [mirror["spec"]["scene"]["lane"] for mirror in mirrors if (mirror.get("spec") or {}).get("scene")]
     rows = [_mirror_row(mirror) for mirror in mirrors]
     page = templates().get_template("index.html.j2").render(
         title="Progressive mirrors after Lee et al. (2014)",
         header=list(table1), rows=_table1_rows(table1), mirrors=rows,
-        floors=any(text != MISSING for row in rows for text in row["shape"]),
-        lane=lane_in_words(lanes[0]) if lanes else None,
+        floors=any(text != MISSING for row in rows for text in row.shape),
+        lane=lane_in_words(mirrors[0].mirror.spec.scene.lane.model_dump()),
         figures=[(file, FIGURES.get(key, key)) for key, file in figures.items()],
     )
     path.write_text(page, encoding="utf-8")
 
 
-def table1_markdown(table1: dict[str, Any]) -> str:
+def table1_markdown(table1: Mapping[str, PaperRow]) -> str:
     """Table 1 as Markdown: ours, the paper's and the difference, degrees and percent."""
     lines = ["| | " + " | ".join(f"{name}, ours | paper | difference" for name in table1) + " |",
              "|---|" + "---:|" * (3 * len(table1))]
     for row in _table1_rows(table1):
-        lines.append(f"| {row['name']} | " + " | ".join(text for cell in row["cells"] for text in cell) + " |")
+        lines.append(f"| {row.name} | " + " | ".join(text for cell in row.cells for text in cell) + " |")
     return "\n".join(lines) + "\n"
 
 
-def _table1_rows(table1: Mapping[str, Any]) -> list[dict[str, Any]]:
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """A row of table 1 in words: for each mirror ours, the paper's and the difference."""
+
+    name: str
+    cells: list[tuple[str, str, str]]
+
+
+def _table1_rows(table1: Mapping[str, PaperRow]) -> list[TableRow]:
+    """The paper's values keep its one decimal."""
     rows = []
-    for key, name, unit in MEASURES:
-        cells = []
-        for measures in table1.values():
-            both = measures.get(key) or {}
-            ours, paper = both.get("ours"), both.get("paper")
-            difference = None if ours is None or paper is None else ours - paper
-            cells.append((fixed(ours, 2), fixed(paper, 1), fixed(difference, 2, sign=True)))
-        rows.append({"name": f"{name}, {unit}", "cells": cells})
+    for name, compared in (("H-FOV, °", [row.h_fov_deg for row in table1.values()]),
+                           ("V-FOV at the left edge, °", [row.v_fov_left_deg for row in table1.values()]),
+                           ("Lane straightness, %", [row.lane_straightness_percent for row in table1.values()])):
+        rows.append(TableRow(name, [(fixed(one.ours, 2), fixed(one.paper, 1),
+                                     fixed(None if one.ours is None else one.ours - one.paper, 2, sign=True))
+                                    for one in compared]))
     return rows
 
 
-def _mirror_row(mirror: Mapping[str, Any]) -> dict[str, Any]:
-    metrics, total = mirror.get("metrics") or {}, mirror["deviation"]["total"]
-    verdicts = mirror["deviation"]["verdicts"]
-    worst = {key: with_unit(total.get(f"{key}_max_percent"), "%", sign=True) for key in ("k1", "k2", "twist")}
-    methods = metrics.get("methods") or {}
-    return {
-        "name": mirror["name"],
-        "laws": mirror.get("laws") or [],
-        "horizontal": _both(metrics.get("h_fov_deg"), ("section", "traced"), "°", 2),
-        "vertical": _both(metrics.get("v_fov_left_deg"), ("section", "traced"), "°", 2),
-        "lane": _both(metrics.get("lane_straightness_percent"), ("traced", "image"), "%", 1),
-        "worst": worst,
-        "shape": [with_unit((methods.get(method) or {}).get("shape_rms_percent"), "%") for method in METHODS],
-        "numerical": "met" if verdicts["numerical"] else "not met",
-    }
+@dataclass(frozen=True, slots=True)
+class WorstWords:
+    """The largest deviations of k1, k2 and twist, in words."""
+
+    k1: str
+    k2: str
+    twist: str
 
 
-def _both(values: Mapping[str, Any] | None, names: tuple[str, str], unit: str, decimals: int) -> list[str]:
-    return [fixed_with_unit((values or {}).get(name), unit, decimals) for name in names]
+@dataclass(frozen=True, slots=True)
+class MirrorRow:
+    """One mirror of the index, in words; `shape` is by the decoupled and the faithful method."""
+
+    name: str
+    laws: tuple[str, str]
+    horizontal: tuple[str, str]
+    vertical: tuple[str, str]
+    lane: tuple[str, str]
+    worst: WorstWords
+    shape: tuple[str, str]
+    numerical: str
+
+
+def _mirror_row(built: Built) -> MirrorRow:
+    def degrees(found: FieldOfView) -> tuple[str, str]:
+        return fixed_with_unit(found.section, "°", 2), fixed_with_unit(found.traced, "°", 2)
+
+    spec, metrics, total = built.mirror.spec, built.metrics, built.deviation.total
+    lane = metrics.lane_straightness_percent
+    k1, k2, twist = (with_unit(one.max_percent, "%", sign=True) for one in (total.k1, total.k2, total.twist))
+    both = metrics.methods
+    shape = (MISSING, MISSING) if both is None else (with_unit(both.decoupled.deviation.shape.rms_percent, "%"),
+                                                     with_unit(both.faithful.deviation.shape.rms_percent, "%"))
+    return MirrorRow(spec.name, (spec.horizontal.in_short(), spec.vertical.in_short()),
+                     degrees(metrics.h_fov_deg), degrees(metrics.v_fov_left_deg),
+                     (fixed_with_unit(lane.traced, "%", 1), fixed_with_unit(lane.image, "%", 1)),
+                     WorstWords(k1, k2, twist), shape, "met" if built.deviation.numerical else "not met")
 
 
 def _scaled(picture: Path | Image.Image, width: int) -> Image.Image:

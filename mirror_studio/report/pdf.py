@@ -1,4 +1,4 @@
-"""A report as HTML in, the same pages as PDF out; and whether this machine can."""
+"""Print a report as PDF, where this machine can."""
 
 from __future__ import annotations
 

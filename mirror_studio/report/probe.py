@@ -1,4 +1,4 @@
-"""The optical face as read back and its outline in, 25 points with normals and radii to check by hand in CAD out."""
+"""25 points of the optical face with normals and radii, to check by hand in CAD."""
 
 from __future__ import annotations
 

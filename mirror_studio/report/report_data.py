@@ -1,18 +1,21 @@
-"""A mirror as built in, what the report finds in it beyond deviation and metrics out: records, and tables of them."""
+"""What the report finds in a mirror beyond deviation and metrics: records, and tables of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import Deviation, differences, percent_of
 from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, rms_norm, shape_operator
+from mirror_studio.as_json import Json, metrics_as_json
+from mirror_studio.build.results import Manifest, Metrics
 from mirror_studio.report.cuts import Cut, cuts, cuts_table
-from mirror_studio.report.fields import DeviationFields, deviation_fields, differences, percent_of
+from mirror_studio.report.fields import DeviationFields, deviation_fields
 from mirror_studio.report.heading import heading
 from mirror_studio.report.histogram import Histogram, histogram
 from mirror_studio.report.marked_view import LaneImage, lane_image
@@ -50,25 +53,25 @@ class ReportData:
     maps: Table
     seen: OpticalSurface
 
-    def tables(self, deviation: CurvatureDeviation) -> list[Table]:
+    def tables(self, deviation: Deviation) -> list[Table]:
         """All that is written as CSV and JSON, in the report's order."""
         found = [verdict_rows_table(self.requirements), self.uncertainty.table(), self.maps, self.shares.table(),
                  cuts_table(self.cuts), stages_table(deviation), self.change.table(), self.probe.table(), self.measures]
         return found if self.lane is None else [*found, self.lane.table()]
 
 
-def find(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurface, metrics: Mapping[str, Any],
+def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metrics: Metrics,
          file: StepFile | None = None, seen: OpticalSurface | None = None) -> ReportData:
     """Of a mirror whose optical face reads back as `read_back`.
 
-    metrics : as metrics.json.   file : the STEP file as read, None without the kernel.
+    file : the STEP file as read, None without the kernel.
     seen : what the eye looks at; without it, the face itself.
     """
     setting = ViewingSetup.of(mirror.spec, mirror.box)
     seen = seen or BSplineFace(read_back, (mirror.outline.polyline(TRIM_CHORD_MM),))
     fields = deviation_fields(deviation, mirror.spec.limits.curvature_percent)
     rms = rms_norm(deviation.designed, deviation.grid.weights)
-    straightness = (metrics.get("lane_straightness_percent") or {}).get("traced")
+    straightness = metrics.lane_straightness_percent.traced
     return ReportData(
         fields, histogram(deviation, fields), _measures(metrics), uncertainty(mirror, deviation, read_back, fields),
         requirements(mirror, deviation, metrics), probe(read_back, mirror.outline), cuts(mirror, read_back, rms, fields.unit),
@@ -76,12 +79,12 @@ def find(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurfac
         _maps(mirror, read_back, rms), seen)
 
 
-def write_findings(folder: Path, mirror: Mirror, deviation: CurvatureDeviation, findings: ReportData,
-                   manifest: Mapping[str, Any]) -> None:
+def write_findings(folder: Path, mirror: Mirror, deviation: Deviation, findings: ReportData,
+                   manifest: Manifest) -> None:
     """Write NAME-report.json and a NAME-TABLE.csv for each of its tables beside the mirror's other files."""
     measured, change = findings.uncertainty, findings.change
     viewed = [row for row in findings.requirements if row.group == "view"]
-    head = {"head": heading(mirror, manifest), "file": f"{mirror.spec.name}.step", "face": "optical face",
+    head = {"head": dataclasses.asdict(heading(mirror, manifest)), "file": f"{mirror.spec.name}.step", "face": "optical face",
             "verdicts": {"numerical": deviation.numerical, "part": deviation.part,
                          "view": all(row.met for row in viewed) if viewed else None},
             "basis": {"area_mm2": mirror.outline.area_mm2(), "cells": list(measured.cells), "places_inside": measured.places[0],
@@ -93,18 +96,18 @@ def write_findings(folder: Path, mirror: Mirror, deviation: CurvatureDeviation, 
     write_tables(folder, mirror.spec.name, findings.tables(deviation), head)
 
 
-def _measures(metrics: Mapping[str, Any]) -> Table:
-    def leaves(entry: Any, key: str) -> Iterator[tuple[str, float | None]]:
+def _measures(metrics: Metrics) -> Table:
+    def leaves(entry: Json, key: str) -> Iterator[tuple[str, float | None]]:
         if isinstance(entry, Mapping):
             for name, value in entry.items():
                 yield from leaves(value, f"{key}.{name}" if key else name)
-        elif isinstance(entry, list | tuple):
+        elif isinstance(entry, Sequence) and not isinstance(entry, str):
             for number, value in enumerate(entry):
                 yield from leaves(value, f"{key}.{number}")
         elif entry is None or (isinstance(entry, int | float) and not isinstance(entry, bool)):
             yield key, entry
 
-    found = list(leaves(metrics, ""))
+    found = list(leaves(metrics_as_json(metrics), ""))
     return Table("measures", {"measure": [key for key, _ in found], "value": [value for _, value in found]})
 
 
@@ -122,7 +125,9 @@ def _maps(mirror: Mirror, surface: BSplineSurface, rms: float) -> Table:
                 "twist_realised_per_m": 1e3 * realised.w12, "k1_realised_per_m": 1e3 * k1, "k2_realised_per_m": 1e3 * k2,
                 "Km_realised_per_m": 0.5e3 * (realised.w11 + realised.w22),
                 "Ka_realised_per_m": 0.5e3 * (realised.w11 - realised.w22)}
-    columns |= {f"{key}_deviation_per_m": 1e3 * value for key, value in differences(realised, designed).items()}
+    per_mm = differences(realised, designed)
+    columns |= {f"{key}_deviation_per_m": 1e3 * value for key, value in per_mm._asdict().items()}
     if rms > 0.0:
-        columns |= {f"{key}_deviation_percent": value for key, value in percent_of(realised, designed, rms).items()}
+        percent = percent_of(per_mm, designed, rms)
+        columns |= {f"{key}_deviation_percent": value for key, value in percent._asdict().items()}
     return Table("maps", columns)

@@ -1,4 +1,4 @@
-"""Requirements, probe points and the change by STEP in, their tables' cells as text out."""
+"""Cells of the tables of requirements, probe points and the change by STEP, as text."""
 
 from __future__ import annotations
 

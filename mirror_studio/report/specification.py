@@ -1,4 +1,4 @@
-"""A specification in, the keys that the mirror was made by and their values out, as a report lists them."""
+"""The keys that a mirror was made by and their values, as a report lists them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ def specification_rows(spec: MirrorSpec) -> list[list[tuple[str, str]]]:
 
 def in_effect(spec: MirrorSpec) -> dict[str, Any]:
     """A specification without the keys that have no effect beside others: an outline file replaces the sizes, glass before
-    nothing has no index, the kernel's fits choose their own degree and spans."""
+    nothing has no index, the kernel's fits choose their own degree and spans.
+    """
     found = spec.model_dump()
     if spec.outline.file is not None:
         found["outline"] = {key: value for key, value in found["outline"].items() if key not in SIZES}

@@ -1,21 +1,17 @@
-"""A CurvatureDeviation in; the table of its stages, what explains the total and what turns a reflected ray, in words, out."""
+"""A deviation in words: the table of its stages, what explains the total, and what turns a reflected ray."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import QUANTITIES, Deviation, QuantityDeviation, RayDeviation, ShapeDeviation, StageDeviation
 from mirror_cad.laws.words import plain
 from mirror_cad.surfaces.differential import rms_norm
 from mirror_cad.surfaces.faithful import Faithful
-from mirror_studio.report.fields import QUANTITIES
 from mirror_studio.report.tables import Table
 from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, place, with_unit
 
-NUMERICAL = ("integration", "fit", "step")
-STAGE_NAMES = {"integration": "integration", "fit": "fit", "step": "STEP"}
 STAGES = {
     "model": "the exact {method} surface against the design",
     "integration": "its profile as integrated",
@@ -34,15 +30,6 @@ class Floor:
     degree: int
     settled: bool
     levels: tuple[tuple[tuple[int, int], float | None], ...]
-
-    @staticmethod
-    def measured(entry: Mapping[str, Any] | None) -> Floor | None:
-        """From `methods.floor` of metrics.json."""
-        if not entry:
-            return None
-        levels = tuple(((int(level["spans"][0]), int(level["spans"][1])), level["shape_rms_percent"])
-                       for level in entry["levels"])
-        return Floor(entry["degree"], entry["settled"], levels)
 
     @staticmethod
     def found(faithful: Faithful | None) -> Floor | None:
@@ -68,82 +55,111 @@ class Floor:
         return f"{text}, the last step still by {with_unit(reached[-2][1] - left, 'percentage points', 2)}"
 
 
-def stage_rows(deviation: CurvatureDeviation, method: str) -> list[dict[str, Any]]:
+@dataclass(frozen=True, slots=True)
+class StageCell:
+    """One quantity of one stage, in words."""
+
+    max: str
+    rms: str
+    per_m: str
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class StageRow:
+    """One row of the table: k1 … twist and shape in `cells`, then height and slope, in words."""
+
+    name: str
+    what: str
+    cells: tuple[StageCell, ...]
+    sag: str
+    sag_place: str
+    slope: str
+    slope_place: str
+
+
+def stage_rows(deviation: Deviation, method: str) -> list[StageRow]:
     """The table: model, integration, fit, STEP and total, each with k1 … twist and shape, and with height and slope."""
     rows = []
-    for name, what in STAGES.items():
-        entry = deviation.total if name == "total" else deviation.stages[name]
-        cells = []
-        for key in (*QUANTITIES, "shape"):
-            signed = key != "shape"
-            nothing = entry[f"{key}_max_per_m"] == 0.0
-            cells.append({
-                "max": with_unit(entry[f"{key}_max_percent"], "%", sign=signed),
-                "rms": with_unit(entry[f"{key}_rms_percent"], "%"),
-                "per_m": with_unit(entry[f"{key}_max_per_m"], "/m", sign=signed),
-                "place": MISSING if nothing else place(entry[f"{key}_max_at_mm"]),
-            })
-        rows.append({
-            "name": STAGE_NAMES.get(name, name), "what": what.format(method=method), "cells": cells,
-            "sag": with_unit(entry["sag_max_mm"], "mm", sign=True), "slope": with_unit(entry["slope_max_arcsec"], "″"),
-            "sag_place": MISSING if entry["sag_max_mm"] == 0.0 else place(entry["sag_max_at_mm"]),
-            "slope_place": MISSING if entry["slope_max_arcsec"] == 0.0 else place(entry["slope_max_at_mm"]),
-        })
+    for name, stage in stages_and_total(deviation):
+        cells = [*(_cell(stage.of(quantity)) for quantity in QUANTITIES), _cell(stage.shape)]
+        rows.append(StageRow(
+            "STEP" if name == "step" else name, STAGES[name].format(method=method), tuple(cells),
+            with_unit(stage.sag_max_mm, "mm", sign=True), _place(stage.sag_max_mm, stage.sag_max_at_mm),
+            with_unit(stage.slope_max_arcsec, "″"), _place(stage.slope_max_arcsec, stage.slope_max_at_mm)))
     return rows
 
 
-def stages_table(deviation: CurvatureDeviation) -> Table:
+def _cell(one: QuantityDeviation | ShapeDeviation) -> StageCell:
+    signed = isinstance(one, QuantityDeviation)
+    return StageCell(with_unit(one.max_percent, "%", sign=signed), with_unit(one.rms_percent, "%"),
+                     with_unit(one.max_per_m, "/m", sign=signed), _place(one.max_per_m, one.max_at_mm))
+
+
+def _place(size: float, at: tuple[float, float]) -> str:
+    return MISSING if size == 0.0 else place(at)
+
+
+def stages_and_total(deviation: Deviation) -> list[tuple[str, StageDeviation]]:
+    """The deviations from surface to surface by the names of deviation.json, and the total."""
+    stages = deviation.stages
+    return [("model", stages.model), ("integration", stages.integration), ("fit", stages.fit), ("step", stages.step),
+            ("total", deviation.total)]
+
+
+def numerical_stages(deviation: Deviation) -> list[tuple[str, StageDeviation]]:
+    """Integration, fit and STEP, as people read their names."""
+    return list(zip(("integration", "fit", "STEP"), deviation.stages.numerical(), strict=True))
+
+
+def stages_table(deviation: Deviation) -> Table:
     """A row for each quantity of each stage and of the total; heights in mm and slopes in arc seconds are rows too."""
     keys = ("stage", "quantity", "max_percent", "rms_percent", "max_per_m", "max_mm", "max_arcsec", "x_mm", "y_mm")
-    columns: dict[str, list[Any]] = {key: [] for key in keys}
-    for stage in STAGES:
-        entry = deviation.total if stage == "total" else deviation.stages[stage]
-        rows = [{"quantity": key, "max_percent": entry[f"{key}_max_percent"], "rms_percent": entry[f"{key}_rms_percent"],
-                 "max_per_m": entry[f"{key}_max_per_m"], "at": entry[f"{key}_max_at_mm"]} for key in (*QUANTITIES, "shape")]
-        rows += [{"quantity": "height", "max_mm": entry["sag_max_mm"], "at": entry["sag_max_at_mm"]},
-                 {"quantity": "slope", "max_arcsec": entry["slope_max_arcsec"], "at": entry["slope_max_at_mm"]}]
-        for row in rows:
-            full = {"stage": stage, "x_mm": row["at"][0], "y_mm": row["at"][1]} | row
-            for key, column in columns.items():
-                column.append(full.get(key))
-    return Table("stages", columns)
+    rows: list[tuple[str | float | None, ...]] = []
+    for name, stage in stages_and_total(deviation):
+        curvatures: dict[str, QuantityDeviation | ShapeDeviation] = {quantity: stage.of(quantity) for quantity in QUANTITIES}
+        rows += [(name, quantity, one.max_percent, one.rms_percent, one.max_per_m, None, None, *one.max_at_mm)
+                 for quantity, one in (curvatures | {"shape": stage.shape}).items()]
+        rows += [(name, "height", None, None, None, stage.sag_max_mm, None, *stage.sag_max_at_mm),
+                 (name, "slope", None, None, None, None, stage.slope_max_arcsec, *stage.slope_max_at_mm)]
+    return Table("stages", dict(zip(keys, zip(*rows, strict=True), strict=True)))
 
 
-def explained_sentences(deviation: CurvatureDeviation) -> str:
+def explained_sentences(deviation: Deviation) -> str:
     """How model and numerics make up the total, and what they leave unexplained."""
     explained = deviation.explained
-    left = explained["unexplained_max_per_m"]
+    left = explained.unexplained_max_per_m
     sums = "exactly" if left == 0.0 else f"but for {with_unit(left, '/m', 2)}, which is rounding"
     last = f"At every place the stages add up to the total {sums}: nothing is left unexplained."
-    if explained["total_shape_rms_percent"] is None:
+    shares = explained.model_shape_rms_percent, explained.numerical_shape_rms_percent, explained.total_shape_rms_percent
+    if explained.total_shape_rms_percent is None:
         stages = deviation.stages
-        numerical = max(stages[name]["shape_max_per_m"] for name in NUMERICAL)
+        numerical = max(stage.shape.max_per_m for stage in stages.numerical())
         return (f"The design is flat, so its deviation has no percent. Of the shape operator the model misses "
-                f"{with_unit(stages['model']['shape_rms_per_m'], '/m')} (RMS), each numerical stage at most "
-                f"{with_unit(numerical, '/m', 2)}; the total is {with_unit(deviation.total['shape_rms_per_m'], '/m')}. {last}")
+                f"{with_unit(stages.model.shape.rms_per_m, '/m')} (RMS), each numerical stage at most "
+                f"{with_unit(numerical, '/m', 2)}; the total is {with_unit(deviation.total.shape.rms_per_m, '/m')}. {last}")
     designed = 1e3 * rms_norm(deviation.designed, deviation.grid.weights)
-    model, numerical, total = (
+    of_model, of_numerics, of_total = (
         f"{with_unit(percent, '%')} ({with_unit(0.01 * percent * designed, '/m')})"
-        for percent in (explained[f"{part}_shape_rms_percent"] for part in ("model", "numerical", "total")))
+        for percent in shares if percent is not None)
     return (f"Of the deviation of the shape operator, RMS over the mirror in percent of the designed "
-            f"{with_unit(designed, '/m')}, the model has {model}, integration, fit and STEP together have {numerical}, and "
-            f"the total is {total}. {last}")
+            f"{with_unit(designed, '/m')}, the model has {of_model}, integration, fit and STEP together have {of_numerics}, "
+            f"and the total is {of_total}. {last}")
 
 
-def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | None, held_percent: float) -> str:
+def model_sentences(deviation: Deviation, method: str, floor: Floor | None, held_percent: float) -> str:
     """How much of the deviation is the model's own and why no numerics remove it, and how small the rest is.
 
     held_percent : a model whose shape RMS is below this holds its laws as well as the numerics are asked to.
     """
-    entry = deviation.stages["model"]
-    model = largest_of_pair(entry)
-    if model is None:
+    stage = deviation.stages.model
+    model, shape = stage.largest_principal_percent, stage.shape.rms_percent
+    if model is None or shape is None:
         return f"The {method} surface of a flat design is the plane itself, and the model adds nothing."
-    held = entry["shape_rms_percent"] < held_percent
+    held = shape < held_percent
     start = _faithful_reason(floor, held) if method == "faithful" else _decoupled_reason(held)
-    per_m = max(abs(entry[f"{key}_max_per_m"]) for key in ("k1", "k2"))
-    size = f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2 ({with_unit(per_m, '/m')})"
-    rest = max(largest_of_pair(deviation.stages[name]) or 0.0 for name in NUMERICAL)
+    size = f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2 ({with_unit(stage.largest_principal_per_m, '/m')})"
+    rest = max(one.largest_principal_percent or 0.0 for one in deviation.stages.numerical())
     if rest == 0.0:
         return f"{size}, and the other stages add nothing."
     share = f", a share of 1 in {count(float(f'{model / rest:.1e}'))}" if 10.0 < model / rest < LARGEST_SHARE else ""
@@ -172,52 +188,55 @@ def _faithful_reason(floor: Floor | None, held: bool) -> str:
             f"{f' {words[0].upper()}{words[1:]}.' if words else ''}")
 
 
-def chain_links(deviation: CurvatureDeviation) -> list[dict[str, str]]:
-    """What each link may turn a reflected ray by, from the exact surface to the eye: its name, amount and a note."""
-    chain = deviation.chain
-    links = [{"name": "kernel", "value": _arcmin(chain["kernel"]), "note": "integration and fit"},
-             {"name": "file", "value": _arcmin(chain["file"]), "note": "STEP read back"}]
-    if chain["mesh"] is not None:
-        links.append({"name": "mesh", "value": _arcmin(chain["mesh"]), "note": "only if the STL is used"})
-    percent = given(chain["glass_percent"], "%")
+@dataclass(frozen=True, slots=True)
+class Link:
+    """One link between the exact surface and the eye, in words."""
+
+    name: str
+    value: str
+    note: str
+
+
+def chain_links(deviation: Deviation) -> list[Link]:
+    """What each link may turn a reflected ray by, from the exact surface to the eye."""
+    chain = deviation.rays
+    links = [Link("kernel", _arcmin(chain.kernel), "integration and fit"), Link("file", _arcmin(chain.file), "STEP read back")]
+    if chain.mesh is not None:
+        links.append(Link("mesh", _arcmin(chain.mesh), "only if the STL is used"))
+    percent = given(chain.glass_percent, "%")
     if deviation.percent is None:
         note = "a limit in percent says nothing of flat glass"
     elif deviation.part is None:
         note = f"for each {percent} of curvature, as no limit is stated"
     else:
         note = f"at the stated limit of {percent}"
-    links.append({"name": "glass", "value": f"±{_arcmin(chain['glass'])}" if chain["glass"] else MISSING, "note": note})
-    return [*links, {"name": "eye resolves", "value": f"{plain(chain['eye'])}′", "note": "less is not seen"}]
+    links.append(Link("glass", f"±{_arcmin(chain.glass)}" if chain.glass else MISSING, note))
+    return [*links, Link("eye resolves", f"{plain(chain.eye)}′", "less is not seen")]
 
 
-def weakest_sentence(chain: Mapping[str, Any]) -> str:
+def weakest_sentence(chain: RayDeviation) -> str:
     """Which link turns the ray most, and which of them the eye could see."""
-    eye = chain["eye"]
-    links = ["kernel", "file", *(["glass"] if chain["glass"] else [])]  # a share of no curvature turns nothing
-    name = max(links, key=lambda link: chain[link])
-    weakest = chain[name]
-    also_above = [link for link in links if chain[link] > eye and link != name]
-    below = [link for link in links if chain[link] <= eye]
+    eye, turns = chain.eye, {"kernel": chain.kernel, "file": chain.file}
+    if chain.glass:  # a share of no curvature turns nothing
+        turns["glass"] = chain.glass
+    name = max(turns, key=lambda link: turns[link])
+    weakest = turns[name]
+    also_above = [link for link, turn in turns.items() if turn > eye and link != name]
+    below = [link for link, turn in turns.items() if turn <= eye]
     if weakest == 0.0:
         text = "Neither kernel nor file turns the ray at all."
     elif weakest <= eye:
         text = (f"The weakest link is the {name}, at {number(weakest / eye, 2)} of what the eye resolves: "
-                f"{_listed(links)} all stay below it.")
+                f"{_listed(list(turns))} all stay below it.")
     else:
         text = f"The weakest link is the {name}, {number(weakest / eye, 2)} times what the eye resolves"
         text += f"; above it {'are' if len(also_above) > 1 else 'is'} also the {_listed(also_above)}" if also_above else ""
         text += f"; the {_listed(below)} {'stay' if len(below) > 1 else 'stays'} below it." if below else "."
-    mesh = chain["mesh"]
+    mesh = chain.mesh
     if mesh is None or mesh == 0.0:
         return text
     more = ", more than any other link" if mesh > weakest else ""
     return f"{text} Where the STL is used, its facets come to {number(mesh / eye, 2)} times what the eye resolves{more}."
-
-
-def largest_of_pair(entry: Mapping[str, Any]) -> float | None:
-    """The larger deviation of k1 and k2 of a stage, percent, without its sign; None for a plane."""
-    found = [abs(entry[f"{key}_max_percent"]) for key in ("k1", "k2") if entry[f"{key}_max_percent"] is not None]
-    return max(found) if found else None
 
 
 def spans_in_words(spans: Sequence[int]) -> str:

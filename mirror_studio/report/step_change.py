@@ -1,4 +1,4 @@
-"""A mirror and its STEP file as read back in, the optical face before and after out."""
+"""The optical face before it is written to STEP and as read back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirror_cad.deviation import CurvatureDeviation, Stage
+from mirror_cad.deviation import Deviation, SurfaceState
 from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import principal_curvatures_of
@@ -47,16 +47,16 @@ class StepChange:
                               "difference": [row.after - row.before for row in rows]})
 
 
-def step_change(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurface, file: StepFile | None) -> StepChange:
+def step_change(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, file: StepFile | None) -> StepChange:
     """Form and size of the optical face. file : the STEP file as read; None without the kernel."""
     made, states = mirror.surface, deviation.states
     rows = [Change("degree along x", float(made.degree_u), float(read_back.degree_u), "", 0),
             Change("degree along y", float(made.degree_v), float(read_back.degree_v), "", 0)]
-    rows += [Change(f"poles along {way}", float(made.poles.shape[k]), float(read_back.poles.shape[k]), "", 0)
-             for k, way in enumerate("xy")]
+    rows += [Change(f"poles along {axis}", float(made.poles.shape[k]), float(read_back.poles.shape[k]), "", 0)
+             for k, axis in enumerate("xy")]
     for name, value in (("lowest point", _lowest), ("k1, largest", _largest_k1), ("k2, smallest", _smallest_k2)):
         unit, decimals = ("mm", 9) if value is _lowest else ("1/m", 9)
-        rows.append(Change(name, value(states["fit"]), value(states["step"]), unit, decimals))
+        rows.append(Change(name, value(states.fit), value(states.step), unit, decimals))
     if file is not None:
         from mirror_cad.occt.solid import area
         from mirror_cad.occt.step import OPTICAL_FACE
@@ -69,13 +69,13 @@ def step_change(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplin
         max(float(np.abs(a - b).max()) for a, b in pairs) if all(len(a) == len(b) for a, b in pairs) else None)
 
 
-def _lowest(stage: Stage) -> float:
-    return float(stage.height.min())
+def _lowest(state: SurfaceState) -> float:
+    return float(state.height.min())
 
 
-def _largest_k1(stage: Stage) -> float:
-    return 1e3 * float(principal_curvatures_of(stage.shape)[0].max())
+def _largest_k1(state: SurfaceState) -> float:
+    return 1e3 * float(principal_curvatures_of(state.shape)[0].max())
 
 
-def _smallest_k2(stage: Stage) -> float:
-    return 1e3 * float(principal_curvatures_of(stage.shape)[1].min())
+def _smallest_k2(state: SurfaceState) -> float:
+    return 1e3 * float(principal_curvatures_of(state.shape)[1].min())

@@ -1,4 +1,4 @@
-"""What the report shows as tables of columns in, CSV files and one JSON file beside it out."""
+"""Write the tables of a report as CSV files and one JSON file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror with its deviation in, how far the deviation's own figures may be off out: grid, quadrature, rounding."""
+"""How far the figures of a deviation may be off: by its grid, by quadrature and by rounding."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.designed import FLOOR, DesignedCurvature
-from mirror_cad.deviation import CurvatureDeviation
-from mirror_cad.grid import EDGE_PLACES, GRID, Grid
+from mirror_cad.deviation import QUANTITIES, Deviation
+from mirror_cad.grid import EDGE_POINTS, GRID, Grid
 from mirror_cad.mirror import Mirror
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, rms_norm, shape_operator_of_sag
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
-from mirror_studio.report.fields import QUANTITIES, DeviationFields, differences, percent_of
+from mirror_studio.report.fields import DeviationFields, deviation_in
 from mirror_studio.report.tables import Table
 
 Array = NDArray[np.float64]
 
 FINER = (2 * GRID[0] - 1, 2 * GRID[1] - 1)  # cells: as near to twice as many as an odd number gets
-FINER_EDGE_PLACES = 2 * EDGE_PLACES
+FINER_EDGE_POINTS = 2 * EDGE_POINTS
 GAUSS_NODES = 32  # on each piece of the profile: exact for polynomials of degree 63, where the series have 24
 
 
@@ -58,11 +58,11 @@ class Uncertainty:
         return Table("sampling", {"quantity": list(QUANTITIES), f"grid_{unit}": columns[0], f"refined_grid_{unit}": columns[1]})
 
 
-def uncertainty(mirror: Mirror, deviation: CurvatureDeviation, surface: BSplineSurface, fields: DeviationFields) -> Uncertainty:
+def uncertainty(mirror: Mirror, deviation: Deviation, surface: BSplineSurface, fields: DeviationFields) -> Uncertainty:
     """Of a deviation that was taken on `surface`, the optical face as read back (u = x, v = y)."""
     grid, curvature = deviation.grid, mirror.curvature
     rms = rms_norm(deviation.designed, grid.weights)
-    finer = Grid.over(mirror.outline, FINER, FINER_EDGE_PLACES)
+    finer = Grid.over(mirror.outline, FINER, FINER_EDGE_POINTS)
     largest = _largest(_shape(surface, finer), curvature, finer, rms, fields.unit)
     again = _shape(surface, grid)
     rounding = max(float(np.abs(a - b).max()) for a, b in zip(again, deviation.realised, strict=True))
@@ -76,7 +76,7 @@ def uncertainty(mirror: Mirror, deviation: CurvatureDeviation, surface: BSplineS
 
 
 def _shape(surface: BSplineSurface, grid: Grid) -> ShapeOperator:
-    """By the closed form for z(x, y), where `CurvatureDeviation` has it from the fundamental forms."""
+    """By the closed form for z(x, y), where `Deviation` has it from the fundamental forms."""
     cells = surface.on_grid(grid.cells_x, grid.cells_y, component=2)
     edge = surface.derivatives(grid.x[grid.edge], grid.y[grid.edge])
     return shape_operator_of_sag(SagDerivatives(*(np.concatenate([cells[key][grid.inside], edge[key][:, 2]])
@@ -89,9 +89,8 @@ def _largest(realised: ShapeOperator, curvature: DesignedCurvature, grid: Grid, 
     rows, _ = np.nonzero(grid.inside)
     edge = curvature.shape(grid.x[grid.edge])
     designed = ShapeOperator(*(np.concatenate([along[rows], on_edge]) for along, on_edge in zip(column, edge, strict=True)))
-    values = percent_of(realised, designed, rms) if unit == "%" else {
-        key: 1e3 * value for key, value in differences(realised, designed).items()}
-    return {key: float(np.abs(value).max()) for key, value in values.items()}
+    values = deviation_in(unit, realised, designed, rms)
+    return {key: float(np.abs(value).max()) for key, value in values._asdict().items()}
 
 
 def _quadrature(mirror: Mirror, rms: float) -> tuple[float | None, float | None]:

@@ -1,25 +1,20 @@
-"""A mirror with its deviation and file checks in, every requirement with limit, actual value, margin and place out."""
+"""Every requirement on a mirror with its limit, actual value, margin and point."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Literal, cast
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import Deviation, QuantityDeviation
 from mirror_cad.mirror import Mirror
-from mirror_studio.report.stages import NUMERICAL, STAGE_NAMES
+from mirror_studio.build.results import Metrics
+from mirror_studio.report.stages import numerical_stages
 from mirror_studio.report.tables import Table
 from raytrace.measures.registry import registered
 
 Place = tuple[float, float]
 Side = Literal["size", "least", "most"]
-
-# Of [limits] and metrics.json: key, which of its figures is meant, name, unit.
-VIEW = (("h_fov_deg", "section", "horizontal field of view, section", "°"),
-        ("v_fov_left_deg", "section", "vertical field of view at the left edge, section", "°"),
-        ("lane_straightness_percent", "traced", "lane straightness, traced", "%"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +50,7 @@ class Requirement:
         return None if self.margin is None else self.margin >= 0.0
 
 
-def requirements(mirror: Mirror, deviation: CurvatureDeviation, metrics: Mapping[str, Any]) -> list[Requirement]:
+def requirements(mirror: Mirror, deviation: Deviation, metrics: Metrics) -> list[Requirement]:
     """Part, view, numerics and files, in this order. Where the design is flat, curvature is in 1/m and has no limit."""
     return [*_of_part(mirror, deviation), *view_requirements(mirror, metrics),
             *_of_numerics(mirror, deviation), *_of_files(mirror, deviation, metrics)]
@@ -71,11 +66,14 @@ def verdict_rows_table(rows: list[Requirement]) -> Table:
         "met": [row.met for row in rows]})
 
 
-def view_requirements(mirror: Mirror, metrics: Mapping[str, Any]) -> list[Requirement]:
+def view_requirements(mirror: Mirror, metrics: Metrics) -> list[Requirement]:
     """What [limits] asks of fields of view and lane: a row for each side that is not free."""
     rows = []
-    limits, figures = mirror.spec.limits, metrics.get("measures") or {}
-    asked_for = [(getattr(limits, key), (metrics.get(key) or {}).get(kind), name, unit) for key, kind, name, unit in VIEW]
+    limits, figures = mirror.spec.limits, metrics.measures
+    asked_for: list[tuple[tuple[float, float] | None, float | None, str, str]] = [
+        (limits.h_fov_deg, metrics.h_fov_deg.section, "horizontal field of view, section", "°"),
+        (limits.v_fov_left_deg, metrics.v_fov_left_deg.section, "vertical field of view at the left edge, section", "°"),
+        (limits.lane_straightness_percent, metrics.lane_straightness_percent.traced, "lane straightness, traced", "%")]
     known = registered() if limits.by_name() else {}
     asked_for += [(asked, figures.get(key), known[key].title, known[key].unit) for key, asked in limits.by_name().items()]
     for asked, actual, name, unit in asked_for:
@@ -86,52 +84,47 @@ def view_requirements(mirror: Mirror, metrics: Mapping[str, Any]) -> list[Requir
     return rows
 
 
-def as_json(rows: list[Requirement]) -> list[dict[str, Any]]:
-    """Requirements as metrics.json has them."""
-    return [{"requirement": row.name, "unit": row.unit, "side": row.side, "limit": row.limit, "met": row.met}
-            | {key: None if value is None or math.isnan(value) else value
-               for key, value in (("actual", row.actual), ("margin", row.margin))} for row in rows]
+def _curvature(found: QuantityDeviation, limit_percent: float | None) -> tuple[str, float | None, float, Place]:
+    if found.max_percent is None:
+        return "1/m", None, found.max_per_m, found.max_at_mm
+    return "%", limit_percent, found.max_percent, found.max_at_mm
 
 
-def _curvature(entry: Mapping[str, Any], key: str, limit_percent: float | None) -> tuple[str, float | None, float, Place]:
-    value, place = entry[f"{key}_max_percent"], entry[f"{key}_max_at_mm"]
-    if value is None:
-        return "1/m", None, float(entry[f"{key}_max_per_m"]), (place[0], place[1])
-    return "%", limit_percent, float(value), (place[0], place[1])
+def _of_part(mirror: Mirror, deviation: Deviation) -> list[Requirement]:
+    limit, total = mirror.spec.limits.curvature_percent, deviation.total
+    return [Requirement("part", f"{key}, realised against designed", *_curvature(found, limit))
+            for key, found in (("k1", total.k1), ("k2", total.k2))]
 
 
-def _of_part(mirror: Mirror, deviation: CurvatureDeviation) -> list[Requirement]:
-    limit = mirror.spec.limits.curvature_percent
-    return [Requirement("part", f"{key}, realised against designed", *_curvature(deviation.total, key, limit))
-            for key in ("k1", "k2")]
-
-
-def _of_numerics(mirror: Mirror, deviation: CurvatureDeviation) -> list[Requirement]:
+def _of_numerics(mirror: Mirror, deviation: Deviation) -> list[Requirement]:
     asked, rows = mirror.spec.surface, []
-    for stage in NUMERICAL:
-        entry = deviation.stages[stage]
-        sized = {key: _curvature(entry, key, asked.curvature_tolerance_percent) for key in ("k1", "k2")}
+    for name, stage in numerical_stages(deviation):
+        sized = {key: _curvature(found, asked.curvature_tolerance_percent)
+                 for key, found in (("k1", stage.k1), ("k2", stage.k2))}
         worst = max(sized, key=lambda key: abs(sized[key][2]))
-        rows += [Requirement("numerical", f"{STAGE_NAMES[stage]}: curvature ({worst})", *sized[worst]),
-                 Requirement("numerical", f"{STAGE_NAMES[stage]}: height", "mm", asked.position_tolerance_mm,
-                             entry["sag_max_mm"], tuple(entry["sag_max_at_mm"]))]
+        rows += [Requirement("numerical", f"{name}: curvature ({worst})", *sized[worst]),
+                 Requirement("numerical", f"{name}: height", "mm", asked.position_tolerance_mm,
+                             stage.sag_max_mm, stage.sag_max_at_mm)]
     return rows
 
 
-def _of_files(mirror: Mirror, deviation: CurvatureDeviation, metrics: Mapping[str, Any]) -> list[Requirement]:
+def _of_files(mirror: Mirror, deviation: Deviation, metrics: Metrics) -> list[Requirement]:
     from mirror_cad.surfaces.offset import OFFSET_SHARE, OFFSET_TOLERANCE_MM
     from mirror_studio.build.checks import SAME_MM, SAME_VOLUME
 
-    files, plate, stl = metrics.get("files") or {}, metrics.get("plate") or {}, deviation.stages["stl"]
     other = "back" if mirror.spec.glass.reflecting == "front" else "front"
     offset = min(OFFSET_TOLERANCE_MM[other], OFFSET_SHARE * mirror.spec.glass.thickness_mm)
-    found = (
-        ("STEP read back by the kernel, farthest point", "mm", SAME_MM, files.get("step_max_mm")),
-        ("STEP read as plain text (Part 21), farthest point", "mm", SAME_MM, files.get("part21_max_mm")),
-        ("STEP, volume read back, relative change", "", SAME_VOLUME, files.get("volume_relative")),
-        ("untrimmed sheet read back, farthest point", "mm", SAME_MM, files.get("sheet_max_mm")),
-        ("outline read back from DXF, its box", "mm", SAME_MM, files.get("outline_box_mm")),
-        ("STL, farthest facet from the surface", "mm", mirror.spec.export.stl_deflection_mm, stl["height_max_mm"]),
-        (f"{other} of the plate against the true offset", "mm", offset, plate.get("back_error_mm")),
-    )
-    return [Requirement("files", name, unit, limit, float(actual)) for name, unit, limit, actual in found if actual is not None]
+    found: list[tuple[str, str, float, float | None]] = []
+    if metrics.files is not None:
+        step = metrics.files.step
+        found += [
+            ("STEP read back by the kernel, farthest point", "mm", SAME_MM, step.step_max_mm),
+            ("STEP read as plain text (Part 21), farthest point", "mm", SAME_MM, step.part21_max_mm),
+            ("STEP, volume read back, relative change", "", SAME_VOLUME, step.volume_relative),
+            ("untrimmed sheet read back, farthest point", "mm", SAME_MM, metrics.files.sheet_max_mm),
+            ("outline read back from DXF, its box", "mm", SAME_MM, metrics.files.outline_box_mm)]
+    found.append(("STL, farthest facet from the surface", "mm", mirror.spec.export.stl_deflection_mm,
+                  deviation.stages.stl.height_max_mm))
+    if metrics.plate is not None:
+        found.append((f"{other} of the plate against the true offset", "mm", offset, metrics.plate.back_error_mm))
+    return [Requirement("files", name, unit, limit, actual) for name, unit, limit, actual in found if actual is not None]

@@ -1,4 +1,4 @@
-"""The specification's schema in, the page's controls out: label, unit, range and what each is shown with."""
+"""The page's controls, made from the specification's schema: label, unit, range and what each is shown with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A specification in, its files out: made by the real pipeline in a process of its own, with progress and cancel."""
+"""Make the files of a design by the real pipeline in a process by itself, with progress and cancel."""
 
 from __future__ import annotations
 

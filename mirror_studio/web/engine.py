@@ -1,4 +1,4 @@
-"""A specification and how it is looked at in; pictures, maps and figures out: all from `mirror_cad` and `raytrace`."""
+"""Pictures, maps and figures of a design for the page: all from `mirror_cad` and `raytrace`."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ class Designed:
     @cached_property
     def maps(self) -> dict[str, Array]:
         """Over the box, (columns, rows): height (mm), kx and ky (1/m), and the deviation of k1 and k2 (%); the laws asked
-        for and those realised along y = 0, (n,), 1/m; the outline (n, 2), mm."""
+        for and those realised along y = 0, (n,), 1/m; the outline (n, 2), mm.
+        """
         mirror = self.mirror
         x_min, x_max, y_min, y_max = mirror.box
         x, y = np.linspace(x_min, x_max, MAP[0]), np.linspace(y_min, y_max, MAP[1])
@@ -86,9 +87,10 @@ class Designed:
     def deviations(self) -> dict[str, float | None]:
         """The largest and RMS deviation from the laws over the mirror, as deviation.json's `total` has them, %."""
         mirror = self.mirror
-        entry = against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface)
-        return {key: entry[key] for key in ("k1_max_percent", "k2_max_percent", "kx_max_percent", "ky_max_percent",
-                                            "shape_rms_percent")}
+        total = against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface)
+        return {"k1_max_percent": total.k1.max_percent, "k2_max_percent": total.k2.max_percent,
+                "kx_max_percent": total.kx.max_percent, "ky_max_percent": total.ky.max_percent,
+                "shape_rms_percent": total.shape.rms_percent}
 
     def figures(self, turn: Turn) -> dict[str, Any]:
         """The figures of metrics.json, under its names: fields of view in degrees, lane straightness in percent."""
@@ -250,7 +252,8 @@ def jpeg(picture: Picture, quality: int) -> bytes:
 
 def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
     """What the ray through (x, y) mm of the picture plane does: where it meets the mirror and lands, and by how much the
-    mirror magnifies far things there against a flat one, across and up; None where it meets no mirror."""
+    mirror magnifies far things there against a flat one, across and up; None where it meets no mirror.
+    """
     turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
     eyes = eyes_of(one.setting.eye, look)
     pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way

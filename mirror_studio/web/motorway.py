@@ -1,4 +1,4 @@
-"""A design and where the page wants it on the vehicle in; the built-in motorway, made once, and the mirror aimed there, out."""
+"""The built-in motorway, made once, and a mirror aimed there where the page wants it on the vehicle."""
 
 from __future__ import annotations
 
@@ -118,7 +118,8 @@ def surroundings(made: World) -> dict[str, Any]:
 @dataclass(frozen=True, eq=False)
 class Ground:
     """Outlines of the ground that the left eye, the right eye and both see, (n, 2) of (X, Y) in m with rows of NaN between
-    them, and the figures of the ground."""
+    them, and the figures of the ground.
+    """
 
     outlines: dict[str, Array]
     figures: dict[str, Any]

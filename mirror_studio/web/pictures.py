@@ -1,4 +1,4 @@
-"""A design and how it is looked at in; the picture on the plane as the page shows it, finely, as PNG out."""
+"""The picture on the plane as the page shows it, finely, as PNG."""
 
 from __future__ import annotations
 

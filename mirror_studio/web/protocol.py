@@ -1,4 +1,4 @@
-"""What page and server say to each other: text in, checked messages out; figures and arrays in, one binary message out."""
+"""The messages of page and server: checked when they come in; figures and arrays go out as one binary message."""
 
 from __future__ import annotations
 
@@ -162,7 +162,8 @@ def _depth(value: Any) -> int:
 
 def pack(header: dict[str, Any], pictures: dict[str, bytes], arrays: dict[str, NDArray[Any]]) -> bytes:
     """One binary message: MAGIC, the header's length (uint32, little-endian), the header as JSON with a list of `parts`, and
-    the parts: JPEG pictures and float32 arrays, each starting at a multiple of four bytes."""
+    the parts: JPEG pictures and float32 arrays, each starting at a multiple of four bytes.
+    """
     parts, bodies = [], []
     for name, data in pictures.items():
         parts.append({"name": name, "kind": "jpeg", "bytes": len(data)})

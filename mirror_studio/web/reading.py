@@ -1,4 +1,4 @@
-"""One uploaded file in, read; its faults out as an error: what a child process does, with limits on memory and time."""
+"""Read one uploaded file in a child process with limits on memory and time; its faults come back as an error."""
 
 from __future__ import annotations
 

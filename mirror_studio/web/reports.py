@@ -1,4 +1,4 @@
-"""Words, shares and early results of a worker's thread in; messages to the page, not too many, out."""
+"""Messages to the page from a worker's thread, not too many: words, shares and early results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A specification and how it is looked at in; the road as seen in the mirror on a vehicle, and the ground it shows, out."""
+"""The road as seen in a mirror on a vehicle, and the ground it shows."""
 
 from __future__ import annotations
 
@@ -67,7 +67,8 @@ _pace = _Pace()
 @dataclass(frozen=True, eq=False)
 class _Past:
     """The world past a mirror with its housing before it: `World.beside`, but that neither shades the other, so that nothing
-    is built anew but the housing."""
+    is built anew but the housing.
+    """
 
     world: LitWorld
     housing: LitWorld
@@ -197,7 +198,8 @@ def _plain(shell: SurfaceMesh, pose: Pose) -> Body:
 
 def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
     """What the ray through (x, y) mm of the mirror's picture plane does: where it meets the mirror, by how much the mirror
-    magnifies far things there against a flat one, and what it meets on the road; None where it meets no mirror."""
+    magnifies far things there against a flat one, and what it meets on the road; None where it meets no mirror.
+    """
     mirror = driven(one, MountParameters.of(look))
     views = views_of(mirror, look)
     view = views[min(eye, len(views) - 1)]

@@ -282,6 +282,7 @@ def faults_of(error: Exception) -> list[str]:
 @cache
 def _loaded() -> None:
     """With the first picture all modules and kernels are there: the collector need not go through them again and again, for
-    100 ms each time."""
+    100 ms each time.
+    """
     gc.collect()
     gc.freeze()

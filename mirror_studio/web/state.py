@@ -1,4 +1,4 @@
-"""Specifications as the page holds them in, checked ones and TOML out, and back; the presets; the controls of the page."""
+"""Specifications as the page holds them, to checked ones and TOML and back; the presets; the controls of the page."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def presets() -> dict[str, dict[str, Any]]:
 
 def as_state(spec: MirrorSpec) -> dict[str, Any]:
     """A specification with all of its keys, without what is left out; an infinite radius is the text "inf", a side of a limit
-    that is free is None, a file its name."""
+    that is free is None, a file its name.
+    """
     state = spec_as_json(spec)
     for section, key in FILES:
         if key in state[section] and state[section][key] != BUILT_IN_PICTURE:

@@ -1,4 +1,4 @@
-"""A mirror turned about its centre in; the eye as that mirror has it, and the scene as its rays meet it, out."""
+"""The eye and the scene in the frame of a mirror that is turned about its centre."""
 
 from __future__ import annotations
 
@@ -95,7 +95,8 @@ class TurnedLane(StraightLane):
 
 def aimed(point: Array, normal: Array, place: Array, eye: Array, direction: Array) -> Turn:
     """The turn that puts a mirror's `point` (3,) at `place`, with its `normal` there such that it sends the eye's ray into
-    `direction`; all but point and normal in the scene."""
+    `direction`; all but point and normal in the scene.
+    """
     ray = place - eye
     ray = ray / np.linalg.norm(ray)
     wanted = direction / np.linalg.norm(direction) - ray

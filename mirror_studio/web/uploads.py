@@ -1,4 +1,4 @@
-"""Files from the page in, checked and stored under names of our own out: the page's names never reach the file system."""
+"""Store files from the page, checked, under names of our choosing: the page's names never reach the file system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A specification in, its mirror through the whole chain out: files, both read back, and the deviation.
+"""One mirror through the whole chain: files, both read back, and the deviation.
 
 The surface of the STEP file is taken from its text and evaluated by scipy.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
-from mirror_cad.deviation import CurvatureDeviation
+from mirror_cad.deviation import Deviation
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.spec.file import validate_spec
 from mirror_studio.bench.hard.sheets import Array
@@ -26,7 +26,7 @@ class Made:
     """A mirror through the whole chain, its files, and their optical surface as scipy's spline over (x, y)."""
 
     mirror: Mirror
-    deviation: CurvatureDeviation
+    deviation: Deviation
     step: Path
     stl: Path
     spline: NdBSpline

@@ -1,4 +1,4 @@
-"""A mirror's files and its sheet in, figures out: surface, facets, thickness, rays, and the report's own verdict.
+"""Figures of a hard case: surface, facets, thickness, rays, and the report's verdict.
 
 The STL file is read as bare bytes.
 """
@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from mirror_cad.mirror import Mirror
+from mirror_studio.as_json import deviation_as_json
 from mirror_studio.bench.hard.case import Figure
 from mirror_studio.bench.hard.chain import Made
 from mirror_studio.bench.hard.sheets import Array, Sheet, designed, mean_and_gauss, normals, principal
@@ -95,7 +96,8 @@ def thickness_figure(made: Made, sheet: Sheet) -> Figure:
 
 def _inside(mirror: Mirror) -> tuple[Array, Array, Array]:
     """Gauss points and weights over the outline's polygon, in y crowded towards the edges as the arcsine: where a sheet
-    comes near to vertical, its area element is no polynomial there."""
+    comes near to vertical, its area element is no polynomial there.
+    """
     x_min, x_max, _, _ = mirror.box
     polygon = mirror.outline.polyline(1e-5 * (x_max - x_min))
     following = np.roll(polygon, -1, axis=0)
@@ -140,7 +142,7 @@ def ray_figures(made: Made, sheet: Sheet, x: Array, y: Array) -> list[Figure]:
 
 def verdict_figure(made: Made, met: bool) -> Figure:
     """Whether the deviation's own verdict is the one the case gives reason to expect; NaN where its JSON would hold one."""
-    numbers = json.dumps([made.deviation.as_json(), made.mirror.section_fields_of_view()])
+    numbers = json.dumps([deviation_as_json(made.deviation), made.mirror.section_fields_of_view()])
     value = math.nan if "NaN" in numbers or "Infinity" in numbers else float(made.deviation.numerical != met)
     return Figure("verdict of the report", value, 0.0, "",
                   f"the tolerances are {'met' if met else 'missed, and it has to say so'}")

@@ -1,4 +1,4 @@
-"""Names of cases in, a row for each out: judged in processes that a case can take down without harm."""
+"""Judge hard cases in processes that a case can take down without harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A folder for files and a specification in, a case's figures out: by the chain, or by another way."""
+"""A case's figures: by the whole chain, or by another path."""
 
 from __future__ import annotations
 

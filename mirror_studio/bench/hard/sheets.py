@@ -1,4 +1,4 @@
-"""Two curvature laws in, the surface worked out a second time out, by nothing of the program: height, slopes, curvatures.
+"""The surface of two curvature laws, worked out a second time by nothing of the program: height, slopes, curvatures.
 
 Closed forms where radii are constant, else the paper's equation by scipy's Runge-Kutta rule, and the textbook's fundamental
 forms.

@@ -1,4 +1,4 @@
-"""Radii, sizes and formulas in, the sections of a specification out, and its law worked out again where it is no constant."""
+"""Sections of specifications for the hard cases, each law worked out again where it is no constant."""
 
 from __future__ import annotations
 

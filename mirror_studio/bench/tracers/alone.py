@@ -1,4 +1,4 @@
-"""A reflector's file in, what a process of its own needs for it out: the first trace's time, and the peak of its memory.
+"""What one process needs to trace a reflector's file: the first trace's time, and the peak of its memory.
 
     python -m mirror_studio.bench.tracers.alone first FILE RAYS
     python -m mirror_studio.bench.tracers.alone reflect|fill FILE RAYS

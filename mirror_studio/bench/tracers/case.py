@@ -1,4 +1,4 @@
-"""A mirror in, rays aimed at known places of it and their exact reflections out; and meshes of it for the peers.
+"""Rays aimed at known points of a mirror and their exact reflections; and meshes of it for the peers.
 
 A ray is aimed at a place of the surface, so its hit is known before anything is traced. Places and slopes come from scipy's
 splines in float64; nothing of the tracer or of its kernels is used.
@@ -26,7 +26,8 @@ MESH_MARGIN_MM = 3.0  # of the peers' meshes beyond the outline's box, so that n
 @dataclass(frozen=True, slots=True, eq=False)
 class Rays:
     """origins (n, 3) or one eye (3,), directions (n, 3) unit, exact (n, 3) after reflection; inside (n,): whether the place
-    that the ray is aimed at lies inside the outline."""
+    that the ray is aimed at lies inside the outline.
+    """
 
     origins: Array
     directions: Array
@@ -35,7 +36,8 @@ class Rays:
 
     def errors(self, found: NDArray[np.floating]) -> tuple[float, float, float]:
         """Largest and RMS angle from the exact direction, arc seconds, and the share of the rays inside the outline that
-        were not found. Angles by the chord: 3·10⁻⁸ of 1° off at 1″."""
+        were not found. Angles by the chord: 3·10⁻⁸ of 1° off at 1″.
+        """
         chord = np.linalg.norm(found - self.exact, axis=1)[self.inside]
         hit = np.isfinite(chord)
         angle = 2.0 * np.arcsin(np.minimum(0.5 * chord[hit], 1.0)) * ARCSEC
@@ -90,7 +92,8 @@ class Case:
 
     def mesh(self, triangles: int) -> Mesh:
         """A regular grid of some `triangles` triangles over the outline's box and MESH_MARGIN_MM beyond, its vertices on the
-        surface."""
+        surface.
+        """
         box, domain = self.mirror.box, self.mirror.surface.domain
         low = [max(box[2 * k] - MESH_MARGIN_MM, domain[2 * k]) for k in range(2)]
         high = [min(box[2 * k + 1] + MESH_MARGIN_MM, domain[2 * k + 1]) for k in range(2)]

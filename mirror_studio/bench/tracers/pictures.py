@@ -1,4 +1,4 @@
-"""A mirror and a scene in, the work of one whole picture out: ours and Mitsuba's, one ray a pixel, from the same frame."""
+"""One whole picture as work to be timed: ours and Mitsuba's, one ray a pixel, from the same frame."""
 
 from __future__ import annotations
 
@@ -66,7 +66,8 @@ def _mirror_properties(mi: Any) -> Any:
 
 def _sensor(mi: Any, case: Case, frame: Frame) -> dict[str, Any]:
     """A pinhole that looks along −z; the frame's centre lies beside its axis. Mitsuba counts that offset in pictures' widths
-    and heights, to the left and up."""
+    and heights, to the left and up.
+    """
     width, height = frame.pixel * frame.columns, frame.pixel * frame.rows
     x, y, z = case.eye.tolist()
     return {"type": "perspective", "fov_axis": "x", "fov": math.degrees(2.0 * math.atan(0.5 * width / z)),

@@ -1,4 +1,4 @@
-"""A seed in, a street behind the driver as coloured triangles out: what the picture loop is timed on.
+"""A street behind the driver as coloured triangles: what the picture loop is timed on.
 
 Mirror coordinates, mm: x to the driver's right, y up with the ground at GROUND_MM, z backwards along the road.
 """

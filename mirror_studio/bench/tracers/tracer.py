@@ -1,4 +1,4 @@
-"""What a tracer of the benchmark is: rays and the mirror's case in, work to be timed out; or why it is absent."""
+"""The interface of a tracer in the benchmark: the work to be timed, or why it is absent."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ class AbsentError(Exception):
 class Tracer:
     """name : as the tables have it.   prepare : makes the work for rays; casting them to what the tracer takes is not timed.
 
-    most : rays that it is given at most; more would take too long.   note : what its rows say beside the figures."""
+    most : rays that it is given at most; more would take too long.   note : what its rows say beside the figures.
+    """
 
     name: str
     prepare: Callable[[Rays], Work]

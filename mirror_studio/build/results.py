@@ -1,0 +1,285 @@
+"""What a build leaves: the mirror, its deviation and its metrics, as records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from mirror_cad.deviation import Deviation, ExplainedDeviation, RayDeviation, StageDeviation
+    from mirror_cad.mirror import Mirror
+    from mirror_cad.surfaces.faithful import Faithful
+    from mirror_studio.as_json import JsonObject
+    from mirror_studio.report.verdict_table import Requirement
+    from raytrace.measures.ghost import Ghost
+    from raytrace.placement import Placement
+
+
+@dataclass(frozen=True, slots=True)
+class FieldOfView:
+    """One field of view, degrees, None where it cannot be measured.
+
+    Attributes
+    ----------
+    section : of the section alone, with the eye on the axis through its centre.
+    traced : with the eye where it sits.
+    """
+
+    section: float | None = None
+    traced: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LaneFigures:
+    """Lane straightness, percent, None where it cannot be measured.
+
+    Attributes
+    ----------
+    traced : by exact rays.
+    image : from the driver's picture.
+    """
+
+    traced: float | None = None
+    image: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OnPlane:
+    """How far rays by way of the STL land from those of the surface, on the reference plane.
+
+    Attributes
+    ----------
+    max_mm, rms_mm : None without a ray that both reflect.
+    rays : how many were compared.
+    """
+
+    max_mm: float | None = None
+    rms_mm: float | None = None
+    rays: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class PlateFigures:
+    """Area of the optical face (mm²), volume (mm³), and the other face against the true offset (mm)."""
+
+    area_mm2: float
+    volume_mm3: float
+    back_error_mm: float
+
+
+class StepCheck(NamedTuple):
+    """A STEP file read back: farthest point by the kernel and from its text (mm), relative change of the volume."""
+
+    step_max_mm: float
+    part21_max_mm: float
+    volume_relative: float
+
+
+@dataclass(frozen=True, slots=True)
+class FileChecks:
+    """How far the files of a set read back from what was designed.
+
+    Attributes
+    ----------
+    step : the STEP file.
+    sheet_max_mm : farthest point of the untrimmed sheet, mm.
+    outline_box_mm : the outline's box, mm.
+    points : rows of the table of points.
+    """
+
+    step: StepCheck
+    sheet_max_mm: float
+    outline_box_mm: float
+    points: int
+
+
+@dataclass(frozen=True, slots=True)
+class GlassFigures:
+    """What the glass before a reflecting back does to the view.
+
+    Attributes
+    ----------
+    reflecting : "back".
+    index : of refraction.
+    ghost : the front's own reflection beside the image.
+    h_fov_added_deg : horizontal field of view against that without glass, degrees.
+    """
+
+    reflecting: Literal["front", "back"]
+    index: float
+    ghost: Ghost
+    h_fov_added_deg: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class MethodFigures:
+    """A mirror made by one method.
+
+    Attributes
+    ----------
+    deviation : from the design, as `total` in deviation.json.
+    h_fov_deg, v_fov_left_deg : traced fields of view, degrees.
+    lane_straightness_percent : traced.
+    """
+
+    deviation: StageDeviation
+    h_fov_deg: float
+    v_fov_left_deg: float
+    lane_straightness_percent: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class MethodChange:
+    """The faithful surface against the decoupled one.
+
+    Attributes
+    ----------
+    sag_max_mm, sag_max_at_mm, sag_rms_mm : height moved, with point and normal at the origin held, mm.
+    sag_best_fit_max_mm : height moved after the best fit of a rigid motion, mm.
+    slope_max_arcmin : the normal's turn, arc minutes.
+    ray_max_arcmin, ray_rms_arcmin : the reflected ray's turn, arc minutes.
+    on_plane_max_mm, on_plane_rms_mm : between where rays land on the lane's plane, mm.
+    """
+
+    sag_max_mm: float
+    sag_max_at_mm: tuple[float, float]
+    sag_rms_mm: float
+    sag_best_fit_max_mm: float
+    slope_max_arcmin: float
+    ray_max_arcmin: float | None
+    ray_rms_arcmin: float | None
+    on_plane_max_mm: float | None
+    on_plane_rms_mm: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MethodComparison:
+    """The decoupled and the faithful surface of one specification.
+
+    Attributes
+    ----------
+    decoupled, faithful : each by itself.
+    change : from the first to the second.
+    floor : how the faithful surface's deviation fell with its spans.
+    """
+
+    decoupled: MethodFigures
+    faithful: MethodFigures
+    change: MethodChange
+    floor: Faithful | None
+
+    def both(self) -> tuple[MethodFigures, MethodFigures]:
+        """Decoupled and faithful."""
+        return self.decoupled, self.faithful
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Metrics:
+    """What metrics.json holds of a mirror; without arguments, a mirror of which nothing was measured.
+
+    Attributes
+    ----------
+    h_fov_deg, v_fov_left_deg : fields of view across, and upright at the left edge.
+    lane_straightness_percent : of the lane on the reference plane.
+    stl_on_plane, stl_interpolated_on_plane : what the STL does to rays, by its facets and by interpolated normals.
+    measures : the registered measures by their names, each in its own unit.
+    explained, ray_deviation : the budget of errors, from the deviation.
+    methods : the decoupled and the faithful surface side by side.
+    rays : how many rays of the driver's picture had which status.
+    eye_mm : (x, y, z) of the eye.
+    plate, files : the solid, and the files read back.
+    glass : only where the back reflects.
+    limits : what [limits] asks of the view.
+    """
+
+    h_fov_deg: FieldOfView = FieldOfView()
+    v_fov_left_deg: FieldOfView = FieldOfView()
+    lane_straightness_percent: LaneFigures = LaneFigures()
+    stl_on_plane: OnPlane = OnPlane()
+    stl_interpolated_on_plane: OnPlane = OnPlane()
+    measures: Mapping[str, float | None] = field(default_factory=dict)
+    explained: ExplainedDeviation | None = None
+    ray_deviation: RayDeviation | None = None
+    methods: MethodComparison | None = None
+    rays: Mapping[str, int] = field(default_factory=dict)
+    eye_mm: tuple[float, float, float] | None = None
+    plate: PlateFigures | None = None
+    files: FileChecks | None = None
+    glass: GlassFigures | None = None
+    limits: tuple[Requirement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TraceMetrics:
+    """What metrics.json holds of a traced file.
+
+    Attributes
+    ----------
+    h_fov_deg : between the outline's edges, degrees; None where it cannot be measured.
+    lane_straightness_percent : of the lane on the reference plane.
+    rays : how many rays of the driver's picture had which status.
+    normals_from : what the normals were taken from.
+    eye_mm : (x, y, z) of the eye.
+    box_mm : (x_min, x_max, y_min, y_max) of what reflects.
+    placement : where the mirror is in its file.
+    """
+
+    h_fov_deg: float | None
+    lane_straightness_percent: LaneFigures
+    rays: Mapping[str, int]
+    normals_from: str
+    eye_mm: tuple[float, float, float]
+    box_mm: tuple[float, float, float, float]
+    placement: Placement
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Manifest:
+    """What a set of files was made from.
+
+    Attributes
+    ----------
+    spec : the specification as JSON; None where it is not known.
+    versions : of the packages.
+    notes : what a user should know of the mirror.
+    files : SHA-256 of each file by its name.
+    """
+
+    spec: JsonObject | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """What a build leaves in memory.
+
+    Attributes
+    ----------
+    mirror, deviation, metrics : the mirror, its deviation and what was measured.
+    missed : a sentence for each tolerance or limit that is not met.
+    """
+
+    mirror: Mirror
+    deviation: Deviation
+    metrics: Metrics
+    missed: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One of our figures beside the paper's."""
+
+    ours: float | None
+    paper: float
+
+
+@dataclass(frozen=True, slots=True)
+class PaperRow:
+    """One mirror of the paper's table 1: fields of view in degrees, lane straightness in percent."""
+
+    h_fov_deg: Compared
+    v_fov_left_deg: Compared
+    lane_straightness_percent: Compared
