@@ -56,7 +56,7 @@ def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[
              ("Wording", rule.wording),
              ("Spherometer", f"outer feet {measured.leg_mm:g} mm apart, on the surface itself"),
              ("Eyes", f"{rule.eyes.separation_mm:g} mm apart ({CHECKED[rule.eyes.checked]}), where the scene "
-                      f"{mirror.vehicle!r} has them; the rule puts them {rule.eyes.above_r_mm:g} mm above R" if mirror.vehicle else
+                      f"{mirror.vehicle!r} has them; the rule: {rule.eyes.above_r_mm:g} mm above R" if mirror.vehicle else
               "no vehicle was given, so no field is measured"),
              ("Not looked at", "pillars and windows before the mirror, adjustment range, load states, edges, mounts and marks")]
     page = templates().get_template("rules.html.j2").render(
@@ -69,6 +69,7 @@ def row_of(line: RuleLine) -> Row:
     """A line in words and rounded figures; margins that rounding would hide keep their digits."""
     asked, decimals = line.asked, DECIMALS[line.asked.unit]
     least, most = (end if np.isfinite(end) else None for end in line.limit)
+    least = least if least != 0.0 or most is None else None  # sizes and shares have no less
     ends = " to ".join(fixed(end, _digits(end)) for end in (least, most) if end is not None)
     if line.limit == (np.inf, np.inf):
         limit = "flat"

@@ -122,8 +122,9 @@ def _judged(m: Measured, line: LineSection) -> RuleLine:
     inside = _eased(limit[0], -1.0) <= value <= _eased(limit[1], 1.0)
     if line.field is not None and line.quantity == "field_missing_m2" and m.missing(line.field).horizon is False:
         inside = False
-    margin = min((inwards * (value - end) for end, inwards in zip(limit, (1.0, -1.0), strict=True) if math.isfinite(end)),
-                 default=math.inf)
+    # A least value of 0 is none: sizes, shares and spreads have no other.
+    margin = min([value - limit[0]] * (math.isfinite(limit[0]) and limit[0] != 0.0)
+                 + [limit[1] - value] * math.isfinite(limit[1]), default=math.inf)
     verdict: Verdict = "met" if inside else line.beyond
     if inside and line.quantity == "field_missing_m2" and m.rule.field_of_spheres_mm is not None:
         # What an aspheric part shows does not count, and where all of it is aspheric no part is left that does.
