@@ -218,6 +218,44 @@ def photograph(scene: str = "motorway", /, *, out: Out = None, json: Json = Fals
 
 
 @app.command
+def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(name="--class")] = None,
+          vehicle: str | None = None, leg_mm: float | None = None, reflectance_percent: float | None = None,
+          place: PlaceText = "auto", out: Out = None, pdf: Pdf = False, json: Json = False) -> int:
+    """Set what a rule of the road asks of a mirror beside what is measured of it, line by line; the official text decides.
+
+    Parameters
+    ----------
+    mirror
+        A preset, a specification, a CAD or mesh file.
+    rule
+        R46, GB15084, FMVSS111, another of the package's rule files (r46-04), or a TOML file.
+    class_
+        I to VII; of FMVSS111 driver, passenger or inside. Without it, the one that the rule's file names.
+    vehicle
+        A scene's name or TOML file with the driver's eyes: fields of vision are measured on it, and left open without it.
+    leg_mm
+        Between the spherometer's outer feet; without it, what the rule's file has.
+    reflectance_percent
+        As measured by the mirror's maker.
+    place
+        Where the mirror is in its file, as for `trace`.
+    """
+    _start_reader([Path(mirror)])
+    if pdf:
+        from mirror_studio.report.pdf import check_pdf
+
+        check_pdf()
+    from mirror_studio.progress import Progress
+    from mirror_studio.rules.run import Asked
+    from mirror_studio.rules.run import rules as run
+    from raytrace.seating import place_from
+
+    asked = Asked(mirror, rule, class_, vehicle, leg_mm, place_from(place), reflectance_percent)
+    content, missed = run(asked, out or Path("exports") / f"{Path(mirror).stem}-rules", Progress(), pdf)
+    return _finish(content, missed, json)
+
+
+@app.command
 def measures(*, json: Json = False) -> int:
     """List the measures by name: unit, what they are of, and their definitions."""
     from raytrace.measures.registry import registered

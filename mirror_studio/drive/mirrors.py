@@ -97,19 +97,30 @@ def driven_mirror(name_or_path: str, scene: SceneFile, place: Place = "auto") ->
 
     Raises: MirrorError that says what is wrong with it.
     """
-    path = Path(name_or_path)
-    spec = None
-    if path.suffix.lower() in FILES or conversion(path.suffix.lower()):
-        name, reflector = path.stem, load_reflector(path, normals="interpolated", place=place)
-    else:
-        spec = load_spec(name_or_path)
-        name, reflector = spec.name, exported(spec)
+    name, reflector, spec = reflector_named(name_or_path, place)
     try:
-        if reflector.surface.triangle_count:
-            _refuse_metres(reflector)
         return on_vehicle(name, reflector, scene, spec)
     except TraceError as error:
         raise TraceError(f"{name}: {error}") from None
+
+
+def reflector_named(name_or_path: str, place: Place = "auto") -> tuple[str, Reflector, MirrorSpec | None]:
+    """Read or design a mirror: its name, what reflects, and what it was designed from, if it was. A designed one is as read
+    back from its STEP file.
+
+    Raises: MirrorError that says what is wrong with it.
+    """
+    path = Path(name_or_path)
+    if path.suffix.lower() in FILES or conversion(path.suffix.lower()):
+        reflector = load_reflector(path, normals="interpolated", place=place)
+        if reflector.surface.triangle_count:
+            try:
+                _refuse_metres(reflector)
+            except TraceError as error:
+                raise TraceError(f"{path.stem}: {error}") from None
+        return path.stem, reflector, None
+    spec = load_spec(name_or_path)
+    return spec.name, exported(spec), spec
 
 
 def _refuse_metres(reflector: Reflector) -> None:

@@ -1,0 +1,309 @@
+"""A mirror, alone or on a vehicle, in; the quantities that rules ask for, each worked out once, out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirror_cad.errors import SpecError
+from mirror_studio.rules import sizes
+from mirror_studio.rules.ground import MissingGround, RequiredGround, hidden_share, missing_ground
+from mirror_studio.rules.schema import FieldSection, RuleFile
+from mirror_studio.rules.spherometer import Stands, read_surface, reading_error, readings_where_it_stands, stands_at, turned
+from raytrace.measures.eye_fields import extent, eye_fields
+from raytrace.measures.ground import side_of
+from raytrace.reflector import Reflector
+from raytrace.surfaces.base import box_of_points
+from raytrace.viewing.eye_views import EyeViews
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.vehicle import Eyes, HostVehicle
+from raytrace.visibility.orientation import orientation
+
+Array = NDArray[np.float64]
+
+ARC_SAMPLES = 1025  # of an arc through the centre: the chords between them leave 1e-7 of its length
+GRID = 9  # places a direction over the visible surface
+WITHIN = 0.98  # of the box, from its middle, that these reach
+DIRECTIONS = 4  # in which the least radius is looked for at each
+RECTANGLE_MM = 40.0  # high, whatever the class
+ALONG_X, ALONG_Y = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Mounted:
+    """A mirror on a vehicle whose driver looks into it."""
+
+    pose: Pose
+    eyes: Eyes
+    host: HostVehicle
+
+    @property
+    def on_drivers_side(self) -> bool:
+        """Whether the mirror is on the side of the median plane where the eyes are."""
+        return (self.eyes.middle[1] < 0.0) == (self.pose.hand == "left")
+
+
+@dataclass(frozen=True, eq=False)
+class Radii:
+    """Spherometer readings (k, 2) at k places (k, 2), mm: two perpendicular ones at each."""
+
+    at: Array
+    readings: Array
+
+    @property
+    def flat(self) -> bool:
+        """Whether no reading tells any curvature."""
+        return bool(np.isinf(self.readings).all())
+
+    @cached_property
+    def means(self) -> Array:
+        """r_p = (r_i + r'_i)/2, (k,)."""
+        result: Array = self.readings.mean(axis=1)
+        return result
+
+    @property
+    def mean(self) -> float:
+        """r, the mean of the points' means; inf where one reading is flat."""
+        return float(self.means.mean())
+
+    @property
+    def readings_spread_percent(self) -> float:
+        """The largest |r_i − r_p| and |r'_i − r_p|, of r, percent."""
+        return self._spread(self.means[:, None])
+
+    @property
+    def means_spread_percent(self) -> float:
+        """The largest |r_p − r|, of r, percent."""
+        return self._spread(self.mean, self.means)
+
+    @property
+    def off_mean_percent(self) -> float:
+        """The largest difference of a reading from the mean of all, percent of it."""
+        return self._spread(self.mean)
+
+    def _spread(self, about: Array | float, of: Array | None = None) -> float:
+        """Of the readings without `of`. 0 of a flat mirror; inf where some readings are flat and some are not."""
+        if self.flat:
+            return 0.0
+        if not np.isfinite(self.readings).all():
+            return math.inf
+        return 100.0 * float(np.abs((self.readings if of is None else of) - about).max()) / abs(self.mean)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What rules ask of one mirror.
+
+    leg_mm : between the spherometer's outer feet.   reflectance_percent : as its maker measured it, where that is known.
+    Raises: SpecError for a face with holes; TraceError for a mirror that an eye does not see.
+    """
+
+    reflector: Reflector
+    rule: RuleFile
+    leg_mm: float
+    mounted: Mounted | None = None
+    reflectance_percent: float | None = None
+    _fields: dict[FieldSection, MissingGround] = field(default_factory=dict, repr=False)
+
+    # --- radii --------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def outline(self) -> Array:
+        """The polygon (n, 2) that bounds the visible surface, mm."""
+        return sizes.outline_of(self.reflector)
+
+    @cached_property
+    def centre(self) -> Array:
+        """The middle (2,) of its box."""
+        x_min, x_max, y_min, y_max = box_of_points(self.outline)
+        return np.array([0.5 * (x_min + x_max), 0.5 * (y_min + y_max)])
+
+    @cached_property
+    def radii(self) -> Radii:
+        """The readings that the rule asks for."""
+        return self._at_three_points() if self.rule.readings == "annex 7" else self._at_five_places()
+
+    @cached_property
+    def centre_radii(self) -> Radii:
+        """The two readings at the centre."""
+        return self._read(self.centre[None], ALONG_X)
+
+    def _at_three_points(self) -> Radii:
+        """At 1/3, 1/2 and 2/3 of the upright arc through the centre, or of the level one where that is longer; along it and
+        across (UN Regulation No. 46, Annex 7)."""
+        arcs = [self._arc(axis) for axis in (ALONG_Y, ALONG_X)]
+        lengths = [float(length[-1]) for _, length in arcs]
+        which = 1 if lengths[1] > lengths[0] else 0
+        places, length = arcs[which]
+        wanted = length[-1] * np.array([1.0, 1.5, 2.0]) / 3.0
+        at = np.stack([np.interp(wanted, length, places[:, k]) for k in (0, 1)], axis=1)
+        return self._read(at, (ALONG_Y, ALONG_X)[which])
+
+    def _at_five_places(self) -> Radii:
+        """At the centre, and half way from it to the edge on each side; level and upright."""
+        x_min, x_max, y_min, y_max = box_of_points(np.concatenate([self._through_centre(axis) for axis in (ALONG_X, ALONG_Y)]))
+        x, y = self.centre
+        at = np.array([[x, y], [0.5 * (x + x_min), y], [0.5 * (x + x_max), y], [x, 0.5 * (y + y_min)], [x, 0.5 * (y + y_max)]])
+        return self._read(at, ALONG_X)
+
+    def _read(self, at: Array, axis: Array) -> Radii:
+        surface = self.reflector.surface
+        stands = stands_at(surface, at, axis)
+        return Radii(at, np.stack([read_surface(surface, each, self.leg_mm) for each in (stands, turned(stands))], axis=1))
+
+    def _through_centre(self, axis: Array) -> Array:
+        """Both ends (2, 2) of the piece of the level or upright line through the centre that the outline holds about it."""
+        along = 0 if axis[0] else 1
+        a, b = self.outline, np.roll(self.outline, -1, axis=0)
+        across = 1 - along
+        cut = (a[:, across] <= self.centre[across]) != (b[:, across] <= self.centre[across])
+        a, b = a[cut], b[cut]
+        at = a[:, along] + (self.centre[across] - a[:, across]) * (b - a)[:, along] / (b - a)[:, across]
+        before, after = at[at <= self.centre[along]], at[at > self.centre[along]]
+        if len(before) % 2 == 0 or len(after) % 2 == 0:
+            raise SpecError(f"the middle of the outline's box, ({self.centre[0]:.1f}, {self.centre[1]:.1f}) mm, is not on the "
+                            "mirror: the rule reads radii along arcs through it")
+        ends = np.tile(self.centre, (2, 1))
+        ends[:, along] = before.max(), after.min()
+        return ends
+
+    def _arc(self, axis: Array) -> tuple[Array, Array]:
+        """Places (m, 2) along an arc through the centre, and how long it is up to each, mm (m,)."""
+        ends = self._through_centre(axis)
+        inset = self.reflector.surface.edge_inset
+        places = ends[0] + np.linspace(inset, 1.0 - inset, ARC_SAMPLES)[:, None] * (ends[1] - ends[0])
+        points = self.reflector.surface.points_over(places[:, 0].copy(), places[:, 1].copy())
+        known = np.isfinite(points).all(axis=1)
+        places, points = places[known], points[known]
+        return places, np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+    @cached_property
+    def _grid(self) -> Array:
+        """Places (n, 2) over the visible surface."""
+        x_min, x_max, y_min, y_max = box_of_points(self.outline)
+        share = np.linspace(-WITHIN, WITHIN, GRID)
+        half = 0.5 * np.array([x_max - x_min, y_max - y_min])
+        places = self.centre + half * np.stack(np.meshgrid(share, share), axis=2).reshape(-1, 2)
+        sides = sizes.Polygon.of(self.outline)
+        return places[[sides.contains(*place) for place in places]]
+
+    @cached_property
+    def least_radius(self) -> float:
+        """The least radius that the spherometer reads where it can stand, in DIRECTIONS directions; hollow ones left out."""
+        stands = stands_at(self.reflector.surface, self._grid, ALONG_X)
+        found = np.concatenate([readings_where_it_stands(self.reflector.surface, self._turned(stands, k), self.leg_mm)
+                                for k in range(DIRECTIONS)])
+        return float(found[found > 0.0].min(initial=math.inf))
+
+    @staticmethod
+    def _turned(stands: Stands, k: int) -> Stands:
+        return turned(stands, math.pi * k / DIRECTIONS)
+
+    @cached_property
+    def sphere_departure(self) -> float:
+        """The largest distance of the visible surface from its best sphere or plane, mm.
+
+        Least squares on a·|p|² + b·p + c = 0, |(a, b, c)| scaled to distances by the gradient 2a·p + b.
+        """
+        p = self.reflector.surface.points_over(self._grid[:, 0].copy(), self._grid[:, 1].copy())
+        p = p[np.isfinite(p).all(axis=1)]
+        size = float(np.ptp(p, axis=0).max())
+        p = (p - p.mean(axis=0)) / size
+        terms = np.concatenate([np.sum(p * p, axis=1, keepdims=True), p, np.ones((len(p), 1))], axis=1)
+        a, *b, _ = np.linalg.svd(terms)[2][-1]
+        off = terms @ np.linalg.svd(terms)[2][-1]
+        return size * float(np.abs(off / np.linalg.norm(2.0 * a * p + np.array(b), axis=1)).max())
+
+    @cached_property
+    def facets_percent(self) -> float:
+        """By how much of a radius facets may spoil a reading, percent: their sag e²/(8R), twice, over the instrument's
+        C²/(8R)."""
+        facet = 0.5 * self.reflector.surface.resolution_mm
+        return 200.0 * (facet / self.leg_mm) ** 2
+
+    def dial_error(self, radius_mm: float) -> float:
+        """What a dial of 2 µm leaves open of a radius, mm."""
+        return reading_error(radius_mm, self.leg_mm)
+
+    # --- sizes --------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def rectangle(self) -> sizes.Inscribed | None:
+        """The longest level rectangle 40 mm high on the visible surface."""
+        return sizes.longest_rectangle(self.outline, RECTANGLE_MM)
+
+    @cached_property
+    def segment(self) -> sizes.Inscribed:
+        """The longest upright segment on it."""
+        return sizes.longest_upright(self.outline)
+
+    @cached_property
+    def circle(self) -> float:
+        """The largest circle's diameter."""
+        return sizes.inscribed_circle(self.outline)
+
+    @cached_property
+    def box_sides(self) -> tuple[float, float]:
+        """The shorter and the longer side of the outline's box."""
+        x_min, x_max, y_min, y_max = box_of_points(self.outline)
+        short, long = sorted((x_max - x_min, y_max - y_min))
+        return short, long
+
+    # --- on the vehicle -----------------------------------------------------------------------------------------------
+
+    @property
+    def on_vehicle(self) -> Mounted:
+        """Raises: ValueError where it is on none."""
+        if self.mounted is None:
+            raise ValueError("this quantity is one of a mirror on a vehicle")
+        return self.mounted
+
+    @cached_property
+    def views(self) -> EyeViews:
+        """Seen by both eyes, as far apart as the rule has them. Raises: TraceError for an eye that the mirror does not face."""
+        there = self.on_vehicle
+        return EyeViews.of(self.reflector, there.pose, Eyes(there.eyes.middle, self.rule.eyes.separation_mm))
+
+    @cached_property
+    def shows_twice(self) -> bool:
+        """Whether some things are seen twice: then no field is bounded by the mirror's edge."""
+        return orientation(self.views.middle).twice
+
+    def required(self, asked: FieldSection) -> RequiredGround:
+        """A field on this vehicle."""
+        return RequiredGround.of(asked, self.on_vehicle.host, side_of(self.views.middle))
+
+    def missing(self, asked: FieldSection) -> MissingGround:
+        """What of a field is not seen."""
+        if asked not in self._fields:
+            self._fields[asked] = missing_ground(self.views.left, self.views.right, self.required(asked))
+        return self._fields[asked]
+
+    def obstructed_percent(self, asked: FieldSection) -> float:
+        """How much of a field the vehicle's box hides."""
+        return 100.0 * hidden_share(self.views.left, self.views.right, self.required(asked), self.on_vehicle.host)
+
+    @property
+    def angle_deg(self) -> float:
+        """Between the median plane and the upright plane through the mirror's centre and the middle between the eyes."""
+        to_mirror = self.on_vehicle.pose.to_vehicle(self._centre_point) - self.on_vehicle.eyes.middle
+        return math.degrees(math.atan2(abs(to_mirror[1]), abs(to_mirror[0])))
+
+    @property
+    def height_m(self) -> float:
+        """Of the mirror's lowest point above the ground."""
+        return 1e-3 * float(self.on_vehicle.pose.to_vehicle(self.reflector.outline())[:, 2].min())
+
+    @property
+    def horizon_deg(self) -> float:
+        """What either eye sees of the horizon."""
+        return extent(eye_fields(self.views).horizon.either)
+
+    @property
+    def _centre_point(self) -> Array:
+        point: Array = self.reflector.surface.points_over(self.centre[:1].copy(), self.centre[1:].copy())[0]
+        return point

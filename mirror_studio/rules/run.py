@@ -1,0 +1,154 @@
+"""A mirror, a rule and perhaps a vehicle in, a sheet of the rule's lines out: page, JSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mirror_cad.errors import SpecError
+from mirror_studio.build.folder import MANIFEST, new_set
+from mirror_studio.build.pipeline import hashes, stated_placement, versions, write_json
+from mirror_studio.drive.mirrors import on_vehicle, reflector_named
+from mirror_studio.progress import Progress
+from mirror_studio.rules.measuring import Measured, Mounted
+from mirror_studio.rules.schema import RuleFile, load_rule
+from mirror_studio.rules.sheet import Mirror, write_sheet
+from mirror_studio.rules.verdicts import RuleLine, judged
+from mirror_studio.scene_file import SceneFile, load_scene
+from raytrace.errors import TraceError
+from raytrace.seating import Place
+
+LEAST_LEG_MM, LONGEST_LEG_MM = 1.0, 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What one sheet is of: a mirror's name or file, a rule's, a class of it, a scene, the spherometer's feet, and what is
+    known of the mirror beside its shape. Without a class the one that the rule's file has first in mind; without a scene no
+    fields."""
+
+    mirror: str
+    rule: str
+    class_name: str | None = None
+    vehicle: str | None = None
+    leg_mm: float | None = None
+    place: Place = "auto"
+    reflectance_percent: float | None = None
+
+
+def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Write rules.json, rules.csv and rules.html into `out`, which is replaced as a whole; returns what rules.json holds, and
+    the lines that are missed, in words.
+
+    Raises: MirrorError, with nothing written.
+    """
+    rule = load_rule(asked.rule)
+    class_name = rule.class_named(asked.class_name)
+    scene = None if asked.vehicle is None else scene_with_eyes(asked.vehicle)
+    if asked.leg_mm is not None and not LEAST_LEG_MM <= asked.leg_mm <= LONGEST_LEG_MM:
+        raise SpecError(f"--leg-mm {asked.leg_mm:g}: must be from {LEAST_LEG_MM:g} to {LONGEST_LEG_MM:g} mm, between the outer "
+                        "feet")
+    if asked.reflectance_percent is not None and not 0.0 <= asked.reflectance_percent <= 100.0:
+        raise SpecError(f"--reflectance-percent {asked.reflectance_percent:g}: must be from 0 to 100")
+    if asked.class_name is None:
+        progress.step(f"{rule.rule}: class {class_name}, for none was given; the classes are {', '.join(rule.classes)}")
+    with new_set(out) as folder:
+        progress.step(f"{asked.mirror}: reading")
+        name, measured = measured_mirror(asked, rule, scene)
+        stated_placement(name, measured.reflector, progress)
+        progress.step(f"{name}: {rule.rule}, {rule.edition}, class {class_name}")
+        try:
+            lines = judged(measured, class_name)
+        except TraceError as error:
+            raise TraceError(f"{name}: {error}") from None
+        content = _content(name, measured, class_name, lines, asked)
+        write_json(folder / "rules.json", content)
+        write_csv(folder / "rules.csv", lines)
+        vehicle = None if scene is None else scene.name
+        write_sheet(folder / "rules.html", Mirror(name, class_name, vehicle), measured, lines)
+        if pdf:
+            from mirror_studio.report.pdf import write_pdf
+
+            write_pdf(folder / "rules.html", folder / "rules.pdf")
+        write_json(folder / MANIFEST, {"schema": 1, "mirror": asked.mirror, "rule": asked.rule, "class": class_name,
+                                       "vehicle": vehicle, "versions": versions(), "files": hashes(folder)})
+    progress.step(f"done: open {out / 'rules.html'}")
+    return content, tuple(_in_words(line) for line in lines if line.verdict == "missed")
+
+
+def scene_with_eyes(name_or_path: str) -> SceneFile:
+    """A scene that says where the driver's eyes are. Raises: SpecError for one that leaves it to defaults."""
+    scene = load_scene(name_or_path)
+    if "middle_m" not in scene.eyes.model_fields_set:
+        raise SpecError(f"--vehicle {name_or_path}: the scene has no ocular points: put [eyes] with middle_m = [X, Y, Z] into "
+                        "it, 635 mm above the R point for UN R46")
+    return scene
+
+
+def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tuple[str, Measured]:
+    """The mirror's name, and what is measured of it."""
+    name, reflector, spec = reflector_named(asked.mirror, asked.place)
+    leg = rule.leg_mm if asked.leg_mm is None else asked.leg_mm
+    measured = Measured(reflector, rule, leg, None, asked.reflectance_percent)
+    measured.outline  # noqa: B018  a face with holes is refused before it is aimed
+    if scene is None:
+        return name, measured
+    try:
+        mirror = on_vehicle(name, reflector, scene, spec)
+        on_road = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.own))
+        on_road.views  # noqa: B018  an eye that cannot look into it is refused here
+    except TraceError as error:
+        raise TraceError(f"{name}: {error}") from None
+    return name, on_road
+
+
+def _content(name: str, measured: Measured, class_name: str, lines: Sequence[RuleLine], asked: Asked) -> dict[str, Any]:
+    rule = measured.rule
+    content: dict[str, Any] = {
+        "schema": 1, "mirror": name, "rule": rule.rule, "title": rule.title, "edition": rule.edition, "class": class_name,
+        "wording": rule.wording, "spherometer": {"leg_mm": measured.leg_mm,
+                                                 "checked": rule.leg_checked if asked.leg_mm is None else "stated"},
+        "eyes": {"separation_mm": rule.eyes.separation_mm, "above_r_mm": rule.eyes.above_r_mm, "checked": rule.eyes.checked},
+        "vehicle": asked.vehicle, "radii_mm": _readings(measured), "lines": [line.as_json() for line in lines], "fields": []}
+    for line in lines:
+        if line.asked.quantity == "field_missing_m2" and line.asked.field is not None and line.value is not None:
+            found = measured.missing(line.asked.field)
+            content["fields"].append({
+                "text": line.asked.text, "missing_m2": found.missing_m2, "missing_to_both_m2": found.missing_to_both_m2,
+                "required_m2": found.required_m2, "seen_to_the_horizon": found.horizon, "least_margin_m": found.margin_m,
+                "least_margin_at_m": list(found.at_m),
+                "missing_m": [(polygon / 1e3).tolist() for polygon in found.missing]})
+    return content
+
+
+def _readings(measured: Measured) -> list[dict[str, object]]:
+    """Each reading, where and what; null where it is flat."""
+    radii = measured.radii
+    return [{"at_mm": at.tolist(), "readings_mm": [float(r) if abs(r) != float("inf") else None for r in pair]}
+            for at, pair in zip(radii.at, radii.readings, strict=True)]
+
+
+def write_csv(path: Path, lines: Sequence[RuleLine]) -> None:
+    """One row a line; empty where there is no number."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["paragraph", "quantity", "value", "unit", "least", "most", "margin", "verdict", "checked", "text",
+                         "notes"])
+        for line in lines:
+            told = line.as_json()
+            least, most = (end if abs(end) < float("inf") else None for end in line.limit)
+            row = [told["paragraph"], told["quantity"], line.value, told["unit"], least, most, line.margin, line.verdict,
+                   told["checked"], told["text"], "; ".join(line.notes)]
+            writer.writerow(["" if cell is None else repr(cell) if isinstance(cell, float) else cell for cell in row])
+
+
+def _in_words(line: RuleLine) -> str:
+    asked = line.asked
+    value = "no end" if line.value is None else f"{line.value:.6g} {asked.unit}"
+    least, most = line.limit
+    limit = f"at least {least:g}" if most == float("inf") else f"at most {most:g}" if least in (0.0, -float("inf")) else \
+        f"{least:g} to {most:g}"
+    return f"{asked.paragraph}: {asked.quantity} = {value}, limit {limit} {asked.unit}"

@@ -1,0 +1,114 @@
+"""The lines of a rule beside what was measured of a mirror in, one sheet of paper out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from mirror_studio.report.text import fixed, templates
+from mirror_studio.rules.ground import MissingGround
+from mirror_studio.rules.measuring import Measured
+from mirror_studio.rules.verdicts import RuleLine
+
+Array = NDArray[np.float64]
+
+CHECKED = {"read": "read", "said": "second hand: check the official text", "memory": "from memory: check the official text"}
+DECIMALS = {"mm": 2, "m": 3, "m²": 3, "mm²": 0, "%": 2, "°": 1, "1": 3}
+WIDTH_PX, BORDER_M = 1000.0, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Mirror:
+    """What the sheet is of: a mirror, the class it is taken for, and the scene that it is mounted in, if any."""
+
+    name: str
+    class_name: str
+    vehicle: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line as the table shows it."""
+
+    paragraph: str
+    text: str
+    measured: str
+    value: str
+    limit: str
+    margin: str
+    unit: str
+    verdict: str
+    checked: str
+    notes: tuple[str, ...]
+
+
+def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[RuleLine]) -> None:
+    """Write the page; it embeds all it shows."""
+    rule = measured.rule
+    fields = [(line.asked.text, plan(measured.missing(line.asked.field))) for line in lines
+              if line.asked.quantity == "field_missing_m2" and line.asked.field is not None and line.value is not None]
+    facts = [("Rule", f"{rule.title}, {rule.edition}"), ("Class", mirror.class_name),
+             ("Wording", rule.wording),
+             ("Spherometer", f"outer feet {measured.leg_mm:g} mm apart, on the surface itself"),
+             ("Eyes", f"{rule.eyes.separation_mm:g} mm apart ({CHECKED[rule.eyes.checked]}), where the scene "
+                      f"{mirror.vehicle!r} has them; the rule: {rule.eyes.above_r_mm:g} mm above R" if mirror.vehicle else
+              "no vehicle was given, so no field is measured"),
+             ("Not looked at", "pillars and windows before the mirror, adjustment range, load states, edges, mounts and marks")]
+    page = templates().get_template("rules.html.j2").render(
+        title=f"{mirror.name}: {rule.rule}, class {mirror.class_name}", facts=facts, rows=[row_of(line) for line in lines],
+        fields=fields)
+    path.write_text(page, encoding="utf-8")
+
+
+def row_of(line: RuleLine) -> Row:
+    """A line in words and rounded figures; margins that rounding would hide keep their digits."""
+    asked, decimals = line.asked, DECIMALS[line.asked.unit]
+    least, most = (end if np.isfinite(end) else None for end in line.limit)
+    least = least if least != 0.0 or most is None else None  # sizes and shares have no less
+    ends = " to ".join(fixed(end, _digits(end)) for end in (least, most) if end is not None)
+    if line.limit == (np.inf, np.inf):
+        limit = "flat"
+    elif least is not None and most is not None:
+        limit = ends
+    else:
+        limit = f"≥ {ends}" if least is not None else f"≤ {ends}" if most is not None else "–"
+    paragraph = asked.paragraph + ("" if asked.paragraph_checked == "read" else " (?)")
+    return Row(paragraph, asked.text, asked.measured, fixed(line.value, _fine(line, decimals)), limit,
+               fixed(line.margin, _fine(line, decimals), sign=True), asked.unit if asked.unit != "1" else "", line.verdict,
+               CHECKED[asked.checked], line.notes)
+
+
+def _digits(value: float) -> int:
+    return 0 if float(value).is_integer() else 2
+
+
+def _fine(line: RuleLine, decimals: int) -> int:
+    """Decimals in which a margin other than 0 is seen to be one."""
+    if line.margin in (None, 0.0):
+        return decimals
+    return max(decimals, min(9, 1 - int(np.floor(np.log10(abs(line.margin or 1.0))))))
+
+
+def plan(found: MissingGround) -> Markup:
+    """The ground in plan as SVG: what is asked for, what is seen of it, and what is missing. X to the right, Y downwards."""
+    low, high = found.required.min(axis=0) / 1e3 - BORDER_M, found.required.max(axis=0) / 1e3 + BORDER_M
+    scale = WIDTH_PX / (high[0] - low[0])
+    height = scale * (high[1] - low[1])
+
+    def shape(polygon: Array, style: str) -> str:
+        # Seen ground goes far beyond the drawing, whose frame cuts it.
+        points = (np.clip(polygon / 1e3, low - 10.0, high + 10.0) - low) * scale
+        return f'<polygon points="{" ".join(f"{x:.2f},{y:.2f}" for x, y in points)}" style="{style}"/>'
+
+    shapes = [*(shape(polygon, "fill:#bcd7c4") for polygon in found.seen),
+              *(shape(polygon, "fill:#c43d3d") for polygon in found.missing),
+              shape(found.required, "fill:none;stroke:#1d2329;stroke-width:2")]
+    middle = -low[1] * scale
+    axis = f'<line x1="0" y1="{middle:.2f}" x2="{WIDTH_PX:g}" y2="{middle:.2f}" style="stroke:#9aa5ae;stroke-dasharray:6 6"/>'
+    return Markup(f'<svg viewBox="0 0 {WIDTH_PX:g} {height:.1f}" role="img" aria-label="Required ground in plan">'
+                  + "".join(shapes) + axis + "</svg>")

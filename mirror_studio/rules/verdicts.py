@@ -1,0 +1,182 @@
+"""A measured mirror and one class of a rule in, each of its lines with value, limit, margin and verdict out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from mirror_studio.rules.measuring import Measured
+from mirror_studio.rules.schema import LineSection, Range
+
+Verdict = Literal["met", "missed", "open"]
+
+NO_VEHICLE = "no vehicle was given: --vehicle SCENE puts the mirror on one"
+NOT_ENTERED = "not entered: a file of a face does not tell it"
+TWICE = "the mirror shows some things twice, so no field is bounded by its edge"
+ON_VEHICLE = ("mirror_angle_deg", "mirror_height_m", "field_missing_m2", "field_obstructed_percent", "field_angle_deg")
+ROUNDING = 1e-7  # of a limit: coordinates of 1 m are known to 1e-13, a radius read over 38 mm thereby to 1e-8 of it
+SEEN_M2 = 1e-6  # of a field: less is the rounding of its integral, and no eye's
+
+
+@dataclass(frozen=True, slots=True)
+class RuleLine:
+    """One requirement beside what was measured.
+
+    value : None where nothing was, or where it has no end (a flat mirror's radius).   margin : how far inside the limit it is,
+    negative where it is outside; None where that is no number.   notes : what else is to be known.
+    """
+
+    asked: LineSection
+    value: float | None
+    limit: Range
+    margin: float | None
+    verdict: Verdict
+    notes: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, object]:
+        """As rules.json holds it; a limit that is none is null."""
+        ends = [end if math.isfinite(end) else None for end in self.limit]
+        return {"paragraph": self.asked.paragraph, "paragraph_checked": self.asked.paragraph_checked, "text": self.asked.text,
+                "quantity": self.asked.quantity, "value": self.value, "unit": self.asked.unit, "limit": ends,
+                "margin": self.margin, "verdict": self.verdict, "checked": self.asked.checked, "measured": self.asked.measured,
+                "notes": list(self.notes)}
+
+
+Take = Callable[[Measured, LineSection], "float | None"]
+
+
+def _radius(m: Measured, _: LineSection) -> float:
+    return m.radii.mean
+
+
+def _readings_spread(m: Measured, _: LineSection) -> float:
+    return m.radii.readings_spread_percent if m.rule.readings == "annex 7" else m.radii.off_mean_percent
+
+
+def _missing(m: Measured, line: LineSection) -> float | None:
+    if line.field is None:
+        return None
+    found = m.missing(line.field)
+    return found.missing_m2 if found.missing_m2 > SEEN_M2 else 0.0
+
+
+TAKE: Mapping[str, Take] = {
+    "radius_r_mm": _radius,
+    "radius_ri_spread_percent": _readings_spread,
+    "radius_rp_spread_percent": lambda m, _: m.radii.means_spread_percent,
+    "radius_centre_mm": lambda m, _: m.centre_radii.mean,
+    "radius_least_mm": lambda m, _: m.least_radius,
+    "sphere_departure_mm": lambda m, _: m.sphere_departure,
+    "aspheric_width_mm": lambda m, _: None,
+    "rectangle_mm": lambda m, _: 0.0 if m.rectangle is None else m.rectangle.width,
+    "segment_b_mm": lambda m, _: m.segment.height,
+    "area_mm2": lambda m, _: abs(_area(m)),
+    "inscribed_circle_mm": lambda m, _: m.circle,
+    "box_short_mm": lambda m, _: m.box_sides[0],
+    "box_long_mm": lambda m, _: m.box_sides[1],
+    "round_share": lambda m, _: m.circle / m.box_sides[1],
+    "reflectance_percent": lambda m, _: m.reflectance_percent,
+    "reflectance_night_percent": lambda m, _: None,
+    "mirror_angle_deg": lambda m, _: m.angle_deg,
+    "mirror_height_m": lambda m, _: m.height_m,
+    "field_missing_m2": _missing,
+    "field_obstructed_percent": lambda m, line: None if line.field is None else m.obstructed_percent(line.field),
+    "field_angle_deg": lambda m, _: m.horizon_deg,
+}
+
+
+def _area(m: Measured) -> float:
+    from mirror_studio.rules.sizes import area_of
+
+    return area_of(m.outline)
+
+
+def judged(m: Measured, class_name: str) -> list[RuleLine]:
+    """Every line of a class, those left out that ask something of other mirrors: of other radii, or of the other side."""
+    return [_judged(m, line) for line in m.rule.lines_of(class_name) if _applies(m, line)]
+
+
+def _applies(m: Measured, line: LineSection) -> bool:
+    if line.side is not None and m.mounted is not None and (line.side == "driver") != m.mounted.on_drivers_side:
+        return False
+    if line.when is None or (line.when.quantity in ON_VEHICLE and m.mounted is None):
+        return True
+    value = TAKE[line.when.quantity](m, line)
+    return value is not None and (line.when.least <= value < line.when.below or value == math.inf == line.when.below)
+
+
+def _judged(m: Measured, line: LineSection) -> RuleLine:
+    limit = _limit(m, line)
+    if line.quantity in ON_VEHICLE and m.mounted is None:
+        return RuleLine(line, None, limit, None, "open", (NO_VEHICLE,))
+    if line.quantity.startswith("field_") and m.shows_twice:
+        return RuleLine(line, None, limit, None, "open", (TWICE,))
+    value = TAKE[line.quantity](m, line)
+    if value is None:
+        return RuleLine(line, None, limit, None, "open", (NOT_ENTERED,))
+    notes = list(_notes(m, line, value))
+    if math.isnan(limit[0]):
+        return RuleLine(line, value, limit, None, "open", (*notes, "the rule gives no length for a hollow mirror"))
+    inside = _eased(limit[0], -1.0) <= value <= _eased(limit[1], 1.0)
+    if line.field is not None and line.quantity == "field_missing_m2" and m.missing(line.field).horizon is False:
+        inside = False
+    # A least value of 0 is none: sizes, shares and spreads have no other.
+    margin = min([value - limit[0]] * (math.isfinite(limit[0]) and limit[0] != 0.0)
+                 + [limit[1] - value] * math.isfinite(limit[1]), default=math.inf)
+    verdict: Verdict = "met" if inside else line.beyond
+    if inside and line.quantity == "field_missing_m2" and m.rule.field_of_spheres_mm is not None:
+        # What an aspheric part shows does not count, and where all of it is aspheric no part is left that does.
+        verdict = "met" if m.sphere_departure <= m.rule.field_of_spheres_mm else "open"
+    if verdict == "open":
+        notes.append(m.rule.wording)
+    if line.quantity.startswith("radius_") and _facets_decide(m, line, value, margin):
+        verdict = "open"
+    return RuleLine(line, _number(value), limit, _number(margin), verdict, tuple(notes))
+
+
+def _limit(m: Measured, line: LineSection) -> Range:
+    if line.least_of_radius is not None:
+        return line.least_of_radius.at(m.radii.mean), math.inf
+    return line.limit or (-math.inf, math.inf)
+
+
+def _eased(end: float, way: float) -> float:
+    """An end of a limit, moved outwards by what rounding leaves of a value that is meant to lie on it."""
+    return end + way * ROUNDING * abs(end) if math.isfinite(end) else end
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _error(m: Measured, line: LineSection, value: float) -> float:
+    """What facets may change a radius, mm, or a spread, %, by."""
+    return m.facets_percent * (abs(value) / 100.0 if line.unit == "mm" else 1.0)
+
+
+def _facets_decide(m: Measured, line: LineSection, value: float, margin: float) -> bool:
+    return math.isfinite(value) and abs(margin) < _error(m, line, value)
+
+
+def _notes(m: Measured, line: LineSection, value: float) -> list[str]:
+    """What is to be known beside a value."""
+    notes = []
+    if line.quantity in ("radius_r_mm", "radius_centre_mm"):
+        if math.isinf(value):
+            notes.append("flat" if m.radii.flat else "flat in one direction")
+        elif value < 0.0:
+            notes.append("hollow")
+        else:
+            notes.append(f"feet {m.leg_mm:g} mm apart; a dial of 2 µm leaves {m.dial_error(value):.1f} mm open at a reading")
+    if line.quantity.startswith("radius_") and m.facets_percent > 0.0:
+        notes.append(f"read on facets, which leave about {m.facets_percent:.2g} % open: what lies nearer to the limit is open")
+    if line.quantity == "field_missing_m2" and line.field is not None:
+        found = m.missing(line.field)
+        if found.horizon is not None:
+            notes.append("seen to the horizon" if found.horizon else
+                         "what is missing has no end: its end on the horizon is not seen; the value is that up to 1 km")
+        notes.append(f"least margin {found.margin_m:+.3f} m at X = {found.at_m[0]:.2f}, Y = {found.at_m[1]:.2f} m; both eyes "
+                     f"miss {found.missing_to_both_m2:.3g} m² of {found.required_m2:.4g} m²")
+    return notes
