@@ -48,6 +48,7 @@ class CurvatureDeviation:
     states : the shape operator (1/mm), height and normals that the design and each stage leave, at the grid.
     designed, realised : shape operators at the grid.   percent : signed deviation of k1, k2, kx, ky and twist in
     percent at the grid, or None for a plane.
+    of_laws : whether a law asked for the curvature; without one it is what the surface has along y = 0.
     """
 
     grid: Grid
@@ -61,10 +62,14 @@ class CurvatureDeviation:
     designed: ShapeOperator
     realised: ShapeOperator
     percent: dict[str, Array] | None
+    of_laws: bool = True
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's deviation.json."""
-        return {"stages": self.stages, "total": self.total, "verdicts": {"numerical": self.numerical, "part": self.part}}
+        """The contract's deviation.json. A mirror without laws has no model to deviate from them, and no total."""
+        verdicts = {"numerical": self.numerical, "part": self.part}
+        if not self.of_laws:
+            return {"stages": self.stages | {"model": None}, "total": None, "verdicts": verdicts}
+        return {"stages": self.stages, "total": self.total, "verdicts": verdicts}
 
     def power_maps(self) -> dict[str, Array]:
         """Km and Ka of eq. 1, designed and realised, 1/m, as rectangles."""
@@ -79,6 +84,7 @@ def compare_stages(
     curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag, model: Sag, integrated: Sag,
     fitted: BSplineSurface, read_back: BSplineSurface, stl: SurfaceMesh,
     position_tolerance_mm: float, curvature_tolerance_percent: float, limit_percent: float | None,
+    *, of_laws: bool = True,
 ) -> CurvatureDeviation:
     """Each stage against the one before: design → model → integration → fit → step; total against the design.
 
@@ -106,7 +112,7 @@ def compare_stages(
     part = None if limit_percent is None or rms == 0.0 else _within(total, np.inf, limit_percent)
     return CurvatureDeviation(grid, results, total, _explained(states, rms, grid), _chain(results, final, limit_percent),
                               numerical, part, states, designed.shape, final.shape,
-                              _percent_fields(final.shape, designed.shape, designed.shape, rms))
+                              _percent_fields(final.shape, designed.shape, designed.shape, rms), of_laws)
 
 
 def against_design(curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag,
