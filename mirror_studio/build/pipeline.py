@@ -24,6 +24,7 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.methods import compare_methods, floor_of
+from mirror_studio.build.wanted import target_figures
 from mirror_studio.progress import Progress
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
@@ -107,8 +108,11 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     view_png = write_png(folder / "driver-view.png", view)
     use = setting.in_use(reflector, mirror)
     figures = {name: one.value(use) for name, one in measures_of(use, "setup").items()}
-    progress.step(f"{name}: decoupled and faithful surface side by side")
-    methods = compare_methods(mirror)
+    methods: dict[str, Any] = {}
+    if spec.has_laws:
+        progress.step(f"{name}: decoupled and faithful surface side by side")
+        methods = {"methods": compare_methods(mirror)}
+    target = target_figures(mirror, reflector.uncoated.surface)
     mesh = _facets(stl, mirror)
     facets, smooth = (reflected_difference(each, reflector.uncoated, eye, scene.z_mm, mirror.box)
                       for each in (mesh, mesh.interpolated))
@@ -122,13 +126,15 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         "stl_interpolated_on_plane_mm": {"max": smooth.plane_max_mm, "rms": smooth.plane_rms_mm, "rays": smooth.rays},
         "measures": figures,
         "error_budget": {"explained": deviation.explained, "chain_arcmin": deviation.chain},
-        "methods": methods,
+        **methods,
         "rays": rays,
         "eye_mm": [float(value) for value in eye],
         "plate": {"area_mm2": mirror.plate.area_mm2, "volume_mm3": mirror.plate.volume_mm3,
                   "back_error_mm": mirror.plate.back_error_mm},
         "files": files,
     }
+    if target is not None:
+        metrics["target"] = target
     if spec.glass.reflecting == "back":
         metrics["glass"] = _glass(mirror, reflector.plate, eye, points, figures["h_fov_traced_deg"])
     from mirror_studio.missed import missed_in_words
@@ -140,7 +146,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         metrics["limits"] = as_json(asked)
     progress.step(f"{name}: report")
     write_json(folder / "metrics.json", metrics)
-    write_json(folder / "deviation.json", deviation.as_json())
+    write_json(folder / "deviation.json", deviation.as_json() | ({} if target is None else {"target": target}))
     manifest = _manifest(mirror)
     findings = find(mirror, deviation, read_back, metrics, step_file, reflector.surface)
     write_findings(folder, mirror, deviation, findings, manifest)

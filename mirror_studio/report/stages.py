@@ -72,6 +72,8 @@ def stage_rows(deviation: CurvatureDeviation, method: str) -> list[dict[str, Any
     """The table: model, integration, fit, STEP and total, each with k1 … twist and shape, and with height and slope."""
     rows = []
     for name, what in STAGES.items():
+        if not deviation.of_laws and name in ("model", "total"):
+            continue
         entry = deviation.total if name == "total" else deviation.stages[name]
         cells = []
         for key in (*QUANTITIES, "shape"):
@@ -97,6 +99,8 @@ def stages_table(deviation: CurvatureDeviation) -> Table:
     keys = ("stage", "quantity", "max_percent", "rms_percent", "max_per_m", "max_mm", "max_arcsec", "x_mm", "y_mm")
     columns: dict[str, list[Any]] = {key: [] for key in keys}
     for stage in STAGES:
+        if not deviation.of_laws and stage in ("model", "total"):
+            continue
         entry = deviation.total if stage == "total" else deviation.stages[stage]
         rows = [{"quantity": key, "max_percent": entry[f"{key}_max_percent"], "rms_percent": entry[f"{key}_rms_percent"],
                  "max_per_m": entry[f"{key}_max_per_m"], "at": entry[f"{key}_max_at_mm"]} for key in (*QUANTITIES, "shape")]
@@ -111,6 +115,8 @@ def stages_table(deviation: CurvatureDeviation) -> Table:
 
 def explained_sentences(deviation: CurvatureDeviation) -> str:
     """How model and numerics make up the total, and what they leave unexplained."""
+    if not deviation.of_laws:
+        return "No law asked for this mirror's curvature, so there is no model to deviate and no total."
     explained = deviation.explained
     left = explained["unexplained_max_per_m"]
     sums = "exactly" if left == 0.0 else f"but for {with_unit(left, '/m', 2)}, which is rounding"
@@ -135,6 +141,10 @@ def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | N
 
     held_percent : a model whose shape RMS is below this holds its laws as well as the numerics are asked to.
     """
+    if not deviation.of_laws:
+        return ("What the mirror misses of the wanted view is said in arc minutes under the verdicts. A view settles the normal at "
+                "every place, and three numbers a place are more than one height field has: its normals belong to a surface only "
+                "where their slopes have no curl. What is left is the part that no surface shows.")
     entry = deviation.stages["model"]
     model = largest_of_pair(entry)
     if model is None:

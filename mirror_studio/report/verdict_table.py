@@ -101,6 +101,8 @@ def _curvature(entry: Mapping[str, Any], key: str, limit_percent: float | None) 
 
 
 def _of_part(mirror: Mirror, deviation: CurvatureDeviation) -> list[Requirement]:
+    if not mirror.spec.has_laws:
+        return []
     limit = mirror.spec.limits.curvature_percent
     return [Requirement("part", f"{key}, realised against designed", *_curvature(deviation.total, key, limit))
             for key in ("k1", "k2")]
