@@ -227,6 +227,8 @@ class Deviation:
     part : whether the total is within the limit; None without a limit, and for a plane.
     states : the surface that the design and each stage leave, at the grid.
     percent : signed deviation of the total at the grid, percent; None for a plane.
+    of_laws : whether a law asked for the curvature; without one it is what the surface has along y = 0, and there is no
+        model to deviate from it, and no total.
     """
 
     grid: Grid
@@ -238,6 +240,7 @@ class Deviation:
     part: bool | None
     states: SurfaceStates
     percent: CurvatureFields | None
+    of_laws: bool = True
 
     @property
     def designed(self) -> ShapeOperator:
@@ -260,6 +263,7 @@ def compare_stages(
     curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag, model: Sag, integrated: Sag,
     fitted: BSplineSurface, read_back: BSplineSurface, stl: SurfaceMesh,
     position_tolerance_mm: float, curvature_tolerance_percent: float, limit_percent: float | None,
+    *, of_laws: bool = True,
 ) -> Deviation:
     """Each stage against the one before: design → model → integration → fit → STEP; the total against the design.
 
@@ -276,6 +280,7 @@ def compare_stages(
     stl : the triangles as read back.
     position_tolerance_mm, curvature_tolerance_percent : what `numerical` holds integration, fit and STEP to.
     limit_percent : what `part` holds k1 and k2 of the total to; None for nothing.
+    of_laws : whether a law asked for the curvature.
     """
     grid = Grid.over(outline)
     against = _of_sag(decoupled, grid)
@@ -293,7 +298,7 @@ def compare_stages(
     part = None if limit_percent is None or rms == 0.0 else _within(total, np.inf, limit_percent)
     return Deviation(grid, stages, total, _explained(states, rms, grid), _rays(stages, states.step, limit_percent),
                      numerical, part, states, None if rms == 0.0 else percent_of(differences(
-                         states.step.shape, designed.shape), designed.shape, rms))
+                         states.step.shape, designed.shape), designed.shape, rms), of_laws)
 
 
 def against_design(curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag,

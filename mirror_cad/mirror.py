@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.deviation import Deviation, compare_stages
 from mirror_cad.errors import OutlineError, SpecError, WriteError
-from mirror_cad.laws import CurvatureLaw, Law, Span
+from mirror_cad.laws import CurvatureLaw, Law, Span, Unstated
 from mirror_cad.laws.curvature import Break, smooth_extrapolation
 from mirror_cad.laws.matched import with_solved
 from mirror_cad.laws.matching import solve_match
@@ -32,13 +33,15 @@ from mirror_cad.profile import (
 )
 from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
-from mirror_cad.spec import MirrorSpec
+from mirror_cad.spec import MirrorSpec, Target
 from mirror_cad.surfaces import fit as fitting
 from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.surfaces.differential import shape_operator_of_sag
 from mirror_cad.surfaces.faithful import RESIDUAL_CONTINUITY, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
+from mirror_cad.surfaces.from_view import FromView, SplineSag, check_convex, check_convex_surface, surface_from_view
 from mirror_cad.surfaces.offset import offset_surface
-from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
 
 if TYPE_CHECKING:
     import build123d
@@ -48,6 +51,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
+
+EYES_APART_MM = 65.0  # UN Regulation 46, 12: between the two ocular points
 
 STL_ROUNDING = float(np.finfo(np.float32).eps)  # relative: rounding to float32 moves a corner by less
 
@@ -62,6 +67,8 @@ class Mirror:
     faithful : how the faithful surface was found, or None.   fit : how the surface was fitted and what it reached.
     matched : the key and value that `match` was solved for.
     notes : what a user should know and no error says.
+    from_view : how the surface of a wanted view was found, or None. Such a mirror has no laws: `curvature` is what it has
+    along y = 0, and `exact` the decoupled surface of that.
     """
 
     spec: MirrorSpec
@@ -76,6 +83,7 @@ class Mirror:
     fit: Fit
     matched: tuple[str, float] | None
     notes: tuple[str, ...]
+    from_view: FromView | None = None
 
     def __repr__(self) -> str:
         return f"<Mirror {self.spec.name!r}: {'; '.join(f'{name} {value}' for name, value in self._main_figures())}>"
@@ -88,7 +96,9 @@ class Mirror:
         x_min, x_max, y_min, y_max = self.box
         h_fov, v_fov = np.degrees(self.section_fields_of_view())
         solved = self.matched[1] if self.matched else None
-        return [("Rx", self.spec.horizontal.in_words(solved)), ("Ry", self.spec.vertical.in_words()),
+        made_for = ([("view", self.spec.target.in_words())] if self.spec.target is not None else
+                    [("Rx", self.spec.horizontal.in_words(solved)), ("Ry", self.spec.vertical.in_words())])
+        return [*made_for,
                 ("size", f"{x_max - x_min:.4g} × {y_max - y_min:.4g} mm"),
                 ("section H-FOV", f"{h_fov:.2f}°"), ("section V-FOV at the left edge", f"{v_fov:.2f}°"),
                 ("surface", f"{self.spec.surface.method}, degree {self.surface.degree_u} × {self.surface.degree_v}"
@@ -206,7 +216,7 @@ class Mirror:
         return compare_stages(self.curvature, self.outline, self.exact, self.model, self.integrated, self.surface,
                               read_back, stl, self.spec.surface.position_tolerance_mm,
                               self.spec.surface.curvature_tolerance_percent,
-                              self.spec.limits.curvature_percent)
+                              self.spec.limits.curvature_percent, of_laws=self.from_view is None)
 
     def to_build123d(self) -> build123d.Part:
         """The plate as a build123d Part (mm)."""
@@ -226,7 +236,8 @@ class Mirror:
 
 
 def design(spec: MirrorSpec) -> Mirror:
-    """Design a mirror: curvature laws → profile → sag → B-spline surface, with the outline it will be cut to.
+    """Design a mirror: curvature laws → profile → sag → B-spline surface, with the outline it will be cut to; or a wanted
+    view → surface.
 
     Parameters
     ----------
@@ -243,6 +254,8 @@ def design(spec: MirrorSpec) -> Mirror:
     """
     outline, read_notes = _outline(spec)
     box = outline.bounding_box()
+    if spec.target is not None:
+        return _design_from_view(spec, spec.target, outline, read_notes)
     laws = _laws(spec, box)
     series, limit_notes = _series_as_far_as_it_exists(spec, laws, box)
     designed, exact, profile = _decoupled(spec, laws, series)
@@ -351,6 +364,75 @@ def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, mod
     from mirror_cad.occt.fit import fit_by_kernel
 
     return fit_by_kernel(task, surface.fit)
+
+
+def _design_from_view(spec: MirrorSpec, target: Target, outline: Outline, read_notes: list[str]) -> Mirror:
+    """The mirror that shows a wanted view most nearly.
+
+    What stands for its laws are the curvatures that it has along y = 0; they say nothing of what was asked for.
+    """
+    box, domain = outline.bounding_box(), _wanted_domain(spec, outline.bounding_box())
+    view, eyes = target.view(box), eyes_of(spec, box)
+    notes = list(read_notes)
+    if not all(isinstance(law, Unstated) for law in (spec.horizontal, spec.vertical)):
+        notes.append("the laws [horizontal] and [vertical] have no effect: the surface comes from [target]")
+    began = time.perf_counter()
+    if target.convex:
+        check_convex(view, eyes, outline, "target.azimuth_deg and elevation_deg")
+    found = surface_from_view(view, eyes, outline, domain, spec.surface.degree, spec.surface.spans)
+    surface = found.surface
+    sag = SplineSag(surface)
+    if target.convex:
+        check_convex_surface(surface, outline)
+    if not found.settled:
+        notes.append("the wanted view has not settled: more spans, or more steps, would still change the mirror")
+    ends = np.unique(surface.knots_u).tolist()
+    across = approximate(lambda x: _own_curvature(sag, x, 0), ends)
+    upright = approximate(lambda x: _own_curvature(sag, x, 1), ends)
+    profile = Profile(lambda x: _on_axis(sag, x, 0), lambda x: _on_axis(sag, x, 1), lambda x: _on_axis(sag, x, 3),
+                      domain[0], domain[1], "wanted view", len(ends) - 1)
+    designed, exact = DesignedCurvature(across, upright), DecoupledSag(profile, upright)
+    fit = Fit(surface, "least squares on the reflected rays", surface.degree_u, found.levels[-1].spans, 0.0, 0.0, (0.0, 0.0),
+              time.perf_counter() - began, True)
+    return Mirror(spec, surface, outline, box, designed, exact, sag, sag, None, fit, None, tuple(notes), found)
+
+
+def _on_axis(sag: Sag, x: Array, derivative: int) -> Array:
+    """One of a sag's derivatives (z, z_x, z_y, z_xx, …) along y = 0."""
+    result: Array = sag.derivatives(x, np.zeros_like(x))[derivative]
+    return result
+
+
+def _own_curvature(sag: Sag, x: Array, key: int) -> Array:
+    """kx (0) or ky (1) of a surface along y = 0, 1/mm."""
+    result: Array = shape_operator_of_sag(sag.derivatives(x, np.zeros_like(x)))[key]
+    return result
+
+
+def eyes_of(spec: MirrorSpec, box: Box) -> tuple[Array, ...]:
+    """Place the eye that [eye] and [target] mean, or the two of them, left first.
+
+    Parameters
+    ----------
+    spec : MirrorSpec
+    box : tuple
+        The outline's (x_min, x_max, y_min, y_max), mm.
+
+    Returns
+    -------
+    tuple of ndarray
+        (3,) mm.
+    """
+    x = {"right": box[1], "centre": 0.0, "left": box[0]}[spec.eye.aligned]
+    distance = spec.eye.distance_mm
+    if abs(x) >= distance:
+        raise SpecError(f"eye.distance_mm = {distance:g} is not above {abs(x):g} mm, how far the mirror's {spec.eye.aligned} "
+                        "edge is from the origin: an eye aligned with it would sit in the mirror")
+    middle = np.array([x, 0.0, np.sqrt(distance**2 - x**2)])
+    if spec.target is None or spec.target.eye == "one":
+        return (middle,)
+    half = np.array([0.5 * EYES_APART_MM, 0.0, 0.0])
+    return middle - half, middle + half
 
 
 # Most changes to a design leave its outline and one of its laws alone: what they give is kept. All of it is frozen.

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         PaperRow,
         TraceMetrics,
     )
+    from mirror_studio.build.wanted import TargetFigures
     from mirror_studio.report.verdict_table import Requirement
     from raytrace.placement import Placement
 
@@ -33,13 +34,20 @@ JsonObject: TypeAlias = Mapping[str, Json]
 CURVATURES = ("k1", "k2", "kx", "ky", "twist", "shape")
 
 
-def deviation_as_json(deviation: Deviation) -> JsonObject:
-    """The content of deviation.json."""
+def deviation_as_json(deviation: Deviation, target: TargetFigures | None = None) -> JsonObject:
+    """The content of deviation.json. A mirror without laws has no model to deviate from them, and no total, but what it misses
+    of the view that it was made for."""
     stages = deviation.stages
-    return {"stages": {**{name: stage_as_json(getattr(stages, name)) for name in ("model", "integration", "fit", "step")},
-                       "stl": dataclasses.asdict(stages.stl)},
-            "total": stage_as_json(deviation.total),
-            "verdicts": {"numerical": deviation.numerical, "part": deviation.part}}
+    content: dict[str, Json] = {
+        "stages": {**{name: stage_as_json(getattr(stages, name)) for name in ("model", "integration", "fit", "step")},
+                   "stl": dataclasses.asdict(stages.stl)},
+        "total": stage_as_json(deviation.total),
+        "verdicts": {"numerical": deviation.numerical, "part": deviation.part}}
+    if not deviation.of_laws:
+        content["stages"] = {**{name: stage_as_json(getattr(stages, name)) for name in ("integration", "fit", "step")},
+                             "stl": dataclasses.asdict(stages.stl), "model": None}
+        content["total"] = None
+    return content if target is None else content | {"target": dataclasses.asdict(target)}
 
 
 def stage_as_json(stage: StageDeviation) -> dict[str, Json]:
@@ -71,6 +79,9 @@ def metrics_as_json(metrics: Metrics) -> JsonObject:
     }
     if metrics.glass is not None:
         content["glass"] = _glass(metrics.glass)
+    if metrics.target is not None:
+        content["target"] = dataclasses.asdict(metrics.target)
+        del content["methods"]
     if metrics.limits:
         content["limits"] = requirements_as_json(metrics.limits)
     return content

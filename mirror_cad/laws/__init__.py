@@ -10,7 +10,8 @@ from mirror_cad.laws.power import Power
 from mirror_cad.laws.registry import register, registered, unregister
 from mirror_cad.laws.table import Table
 from mirror_cad.laws.two_radii import TwoRadii
+from mirror_cad.laws.unstated import Unstated
 from mirror_cad.laws.zones import Zones
 
 __all__ = ["Break", "Constant", "CurvatureLaw", "Expression", "Law", "Linear", "Match", "Matched", "Power", "Span", "Table",
-           "TwoRadii", "Zones", "register", "registered", "unregister"]
+           "TwoRadii", "Unstated", "Zones", "register", "registered", "unregister"]

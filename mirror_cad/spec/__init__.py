@@ -15,6 +15,7 @@ from mirror_cad.spec.schema import (
     SurfaceSpec,
     View,
 )
+from mirror_cad.spec.target import Target
 
 __all__ = ["Blank", "Export", "Eye", "Glass", "Lane", "Limits", "MirrorSpec", "OutlineSpec", "PartSpec", "SceneSpec",
-           "SurfaceSpec", "View", "load_spec", "preset_names", "spec_as_json", "validate_spec"]
+           "SurfaceSpec", "Target", "View", "load_spec", "preset_names", "spec_as_json", "validate_spec"]

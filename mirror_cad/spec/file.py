@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mirror_cad.errors import SpecError
+from mirror_cad.laws import Unstated
 from mirror_cad.spec.messages import faults
 from mirror_cad.spec.schema import MirrorSpec
 
@@ -128,6 +129,9 @@ def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
         return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
     content: dict[str, Any] = plain(spec.model_dump(mode="python", exclude_none=True, warnings=False))
+    for section in ("horizontal", "vertical"):
+        if isinstance(getattr(spec, section), Unstated):
+            del content[section]
     if spec.outline.file is not None:
         given = spec.outline.model_fields_set
         content["outline"] = {key: value for key, value in content["outline"].items() if key in given}

@@ -24,9 +24,11 @@ from pydantic_core import InitErrorDetails
 
 from mirror_cad.keys import ELSEWHERE, AsTuple, Coordinate, Length, Number, Section, Shown
 from mirror_cad.laws import Law
+from mirror_cad.laws.unstated import Unstated
 from mirror_cad.limits import limit_units
 from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
 from mirror_cad.spec.law_section import horizontal_law, vertical_law
+from mirror_cad.spec.target import Target
 
 # Characters of a part's number or revision, and of its title: what a line of the report's head holds.
 LONGEST_MARK, LONGEST_TITLE = 48, 100
@@ -83,7 +85,7 @@ class Glass(Section):
 
 
 class SurfaceSpec(Section):
-    method: Annotated[Literal["decoupled", "faithful"],
+    method: Annotated[Literal["decoupled", "faithful", "view"],
                       Shown("Method", words=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful")))] = "decoupled"
     integration: Annotated[Literal["quadrature", "euler", "rk4"],
                            Shown("Integration", words=(("quadrature", "quadrature"), ("euler", "Euler (the paper's)"),
@@ -109,6 +111,8 @@ class SurfaceSpec(Section):
         if self.method == "faithful" and self.integration != "quadrature":
             raise ValueError(f"integration = \"{self.integration}\" belongs to method = \"decoupled\": the faithful surface "
                              "starts from the exact profile")
+        if self.method == "view" and (self.integration != "quadrature" or self.fit != "collocation"):
+            raise ValueError("method = \"view\" solves for the B-spline itself: it has no integration and no fit of its own")
         if self.fit != "collocation" and (self.degree != "auto" or self.spans != "auto"):
             raise ValueError("degree and spans belong to fit = \"collocation\": the kernel's own routes choose theirs")
         return self
@@ -246,7 +250,9 @@ class MirrorSpec(Section):
     name : str
         What its files are called.
     horizontal, vertical : Law
-        Rx and Ry over x, each one of `mirror_cad.laws`.
+        Rx and Ry over x, each one of `mirror_cad.laws`; `Unstated` where method = "view" leaves them out.
+    target : Target or None
+        The wanted view, of method = "view".
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"), Shown("Name")] = "mirror"
@@ -256,12 +262,28 @@ class MirrorSpec(Section):
     outline: OutlineSpec = OutlineSpec()
     glass: Glass = Glass()
     surface: SurfaceSpec = SurfaceSpec()
+    target: Annotated[Target | None, ELSEWHERE] = None
     part: PartSpec = PartSpec()
     limits: Limits = Limits()
     eye: Eye = Eye()
     scene: SceneSpec = SceneSpec()
     view: View = View()
     export: Export = Export()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_laws(cls, content: object) -> object:
+        """Where the surface comes from a view, laws may be left out."""
+        if not isinstance(content, Mapping):
+            return content
+        surface = content.get("surface")
+        method = surface.get("method") if isinstance(surface, Mapping) else getattr(surface, "method", None)
+        return content if method != "view" else {"horizontal": Unstated(), "vertical": Unstated(), **content}
+
+    @property
+    def has_laws(self) -> bool:
+        """Whether the surface is made by the two laws."""
+        return self.surface.method != "view"
 
     @field_serializer("vertical", mode="wrap")
     def _own_keys(self, law: Law, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, object]:
@@ -281,7 +303,7 @@ class MirrorSpec(Section):
 
     @model_validator(mode="after")
     def _fits(self) -> MirrorSpec:
-        faults = []
+        faults = self._faults_of_view()
         outline, blank = self.outline, self.blank
         if outline.file is None:
             if outline.width_mm > blank.width_mm:
@@ -294,6 +316,23 @@ class MirrorSpec(Section):
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+
+    def _faults_of_view(self) -> list[str]:
+        """What does not go with a wanted view, or without one."""
+        if self.has_laws:
+            return [] if self.target is None else [
+                f"[target] belongs to surface.method = \"view\", and here it is \"{self.surface.method}\""]
+        faults = []
+        if self.target is None:
+            faults.append("target: this section is required with surface.method = \"view\": projection, azimuth_deg, "
+                          "elevation_deg")
+        if self.limits.curvature_percent is not None:
+            faults.append(f"limits.curvature_percent = {self.limits.curvature_percent:g} is held against curvature laws, and "
+                          "surface.method = \"view\" has none: limit what is seen instead (h_fov_traced_deg, …)")
+        if self.glass.reflecting == "back":
+            faults.append("glass.reflecting = \"back\": a wanted view is solved for a mirror that reflects from its front")
+        return faults
 
 
 def _beside(name: str, info: ValidationInfo) -> str:

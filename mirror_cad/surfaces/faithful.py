@@ -130,7 +130,8 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
     settled = not isinstance(spans, str) or rms == 0.0
     for nx, ny in LEVELS if isinstance(spans, str) else (spans,):
         began = time.perf_counter()
-        ends = (_ends(domain[:2], box[:2], breaks, degree, nx), _ends(domain[2:], box[2:], (), degree, ny))
+        ends = (spans_with_margin(domain[:2], box[:2], breaks, degree, nx),
+                spans_with_margin(domain[2:], box[2:], (), degree, ny))
         knots = (knot_vector(ends[0], breaks, degree), knot_vector(ends[1], (), degree))
         poles = (len(knots[0]) - degree - 1) * (len(knots[1]) - degree - 1)
         if poles > MAX_POLES:
@@ -171,7 +172,7 @@ def _gained_nothing(before: float | None, after: float) -> bool:
     return gain < GAIN_POINTS and gain < GAIN_SHARE * (before or 0.0)
 
 
-def _ends(domain: tuple[float, float], box: tuple[float, float], breaks: Sequence[tuple[float, int]], degree: int,
+def spans_with_margin(domain: tuple[float, float], box: tuple[float, float], breaks: Sequence[tuple[float, int]], degree: int,
           count: int) -> Array:
     """`count` spans over the box, with the breaks among them, and beyond it spans of twice their neighbour's width."""
     low, high = max(box[0], domain[0]), min(box[1], domain[1])
@@ -197,9 +198,9 @@ class _Problem:
     def __init__(self, curvature: DesignedCurvature, outline: Outline, profile: Profile, residual: BSplineSurface,
                  ends: tuple[Array, Array]) -> None:
         self.residual = residual
-        x, weight_x = _gauss(ends[0])
-        y, weight_y = _gauss(ends[1])
-        inside = _share_inside(outline, ends, weight_x, weight_y)
+        x, weight_x = gauss_points(ends[0])
+        y, weight_y = gauss_points(ends[1])
+        inside = share_inside(outline, ends, weight_x, weight_y)
         basis_x = dense_basis(residual.knots_u, residual.degree_u, x, 2)
         basis_y = dense_basis(residual.knots_v, residual.degree_v, y, 2)
         origin_x = dense_basis(residual.knots_u, residual.degree_u, np.zeros(1), 1)
@@ -291,14 +292,14 @@ def shape_operator_partials(p: Array, q: Array, r: Array, s: Array, t: Array) ->
     return of_w11, of_w22, of_w12
 
 
-def _gauss(ends: Array) -> tuple[Array, Array]:
+def gauss_points(ends: Array) -> tuple[Array, Array]:
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
     half = 0.5 * np.diff(ends)[:, None]
     middle = 0.5 * (ends[:-1] + ends[1:])[:, None]
     return (middle + half * nodes).ravel(), (half * weights).ravel()
 
 
-def _share_inside(outline: Outline, ends: tuple[Array, Array], weight_x: Array, weight_y: Array) -> Array:
+def share_inside(outline: Outline, ends: tuple[Array, Array], weight_x: Array, weight_y: Array) -> Array:
     """How much of each Gauss point's cell lies inside the outline, (m, n): the cells' widths are the weights.
 
     A plain yes or no would let the surface bend freely in the cells that the outline cuts.

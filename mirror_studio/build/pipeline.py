@@ -44,6 +44,7 @@ from mirror_studio.build.results import (
     PlateFigures,
     TraceMetrics,
 )
+from mirror_studio.build.wanted import target_figures
 from mirror_studio.progress import Progress
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
@@ -101,7 +102,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     progress.step(f"{name}: tracing the driver's view")
     reflector = reflector_of(step_file, spec.glass.index)
     view = _drivers_view(folder, mirror, reflector, picture, progress)
-    progress.step(f"{name}: decoupled and faithful surface side by side")
+    if spec.has_laws:
+        progress.step(f"{name}: decoupled and faithful surface side by side")
     metrics = _measured(mirror, deviation, reflector, view, files, stl)
     progress.step(f"{name}: report")
     _report(folder, mirror, deviation, metrics, step_file, reflector, view.png, pdf)
@@ -166,10 +168,12 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
         stl_on_plane=OnPlane(facets.plane_max_mm, facets.plane_rms_mm, facets.rays),
         stl_interpolated_on_plane=OnPlane(smooth.plane_max_mm, smooth.plane_rms_mm, smooth.rays),
         measures=figures, explained=deviation.explained, ray_deviation=deviation.rays,
-        methods=compare_methods(mirror), rays=view.rays, eye_mm=(float(eye[0]), float(eye[1]), float(eye[2])),
+        methods=compare_methods(mirror) if mirror.spec.has_laws else None,
+        rays=view.rays, eye_mm=(float(eye[0]), float(eye[1]), float(eye[2])),
         plate=PlateFigures(plate.area_mm2, plate.volume_mm3, plate.back_error_mm), files=files,
         glass=_glass(mirror, reflector.glass, eye, figures["h_fov_traced_deg"])
-        if mirror.spec.glass.reflecting == "back" else None)
+        if mirror.spec.glass.reflecting == "back" else None,
+        target=target_figures(mirror, reflector.uncoated.surface))
     return replace(metrics, limits=tuple(view_requirements(mirror, metrics)))
 
 
@@ -179,7 +183,7 @@ def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics
     from mirror_studio.report import find, write_findings, write_pdf, write_report
 
     write_json(folder / "metrics.json", metrics_as_json(metrics))
-    write_json(folder / "deviation.json", deviation_as_json(deviation))
+    write_json(folder / "deviation.json", deviation_as_json(deviation, metrics.target))
     manifest = Manifest(spec_as_json(mirror.spec), versions(), mirror.notes)
     findings = find(mirror, deviation, step_file.optical_surface(), metrics, step_file, reflector.surface)
     write_findings(folder, mirror, deviation, findings, manifest)

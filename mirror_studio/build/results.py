@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
     from mirror_cad.surfaces.faithful import Faithful
     from mirror_studio.as_json import JsonObject
+    from mirror_studio.build.wanted import TargetFigures
     from mirror_studio.report.verdict_table import Requirement
     from raytrace.measures.ghost import Ghost
     from raytrace.placement import Placement
@@ -191,6 +192,7 @@ class Metrics:
     plate, files : the solid, and the files read back.
     glass : only where the back reflects.
     limits : what [limits] asks of the view.
+    target : what the mirror misses of the view that it was made for; None for a mirror from laws.
     """
 
     h_fov_deg: FieldOfView = FieldOfView()
@@ -208,6 +210,7 @@ class Metrics:
     files: FileChecks | None = None
     glass: GlassFigures | None = None
     limits: tuple[Requirement, ...] = ()
+    target: TargetFigures | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

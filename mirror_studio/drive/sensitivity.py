@@ -19,14 +19,15 @@ Figures = dict[str, float | bool | None]
 
 def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures], over_mm: float) -> dict[str, Figures]:
     """Figures of the mirror with its yaw and pitch changed by ±TURN_DEG, and with all its radii changed by ±RADII at the
-    same yaw and pitch; the latter only for a mirror that was designed. What the mirror no longer shows is None.
+    same yaw and pitch; the latter only for a mirror that was designed by laws. What the mirror no longer shows is
+    None.
     """
     turn = math.radians(TURN_DEG)
     found = {"as aimed": figures(mirror)}
     for name, yaw, pitch in (("yaw", turn, 0.0), ("pitch", 0.0, turn)):
         for sign, word in ((1.0, "+"), (-1.0, "−")):
             found[f"{name} {word}{TURN_DEG:g}°"] = figures(mirror.turned(sign * yaw, sign * pitch))
-    if mirror.spec is not None:
+    if mirror.spec is not None and mirror.spec.has_laws:
         for sign, word in ((1.0, "+"), (-1.0, "−")):
             whole = exported(with_radii(mirror.spec, 1.0 + sign * RADII))
             other = replace(mirror, whole=whole, reflector=visible_aperture(whole, over_mm))

@@ -24,7 +24,9 @@ def basis_rows(mirror: Mirror, metrics: Metrics, findings: ReportData) -> list[t
                            f"{with_unit(mirror.outline.area_mm2(), 'mm²', 6)} as seen along z"
                            + (f", {whole} on the face" if metrics.plate else "")),
         ("Realised", f"the face named “optical face” in {mirror.spec.name}.step, as read back from that file"),
-        ("Designed", "the pair of curvatures 1/Rx(x) and 1/Ry(x) of the two laws, without twist"),
+        ("Designed", "the pair of curvatures 1/Rx(x) and 1/Ry(x) of the two laws, without twist" if mirror.spec.has_laws else
+                     "no law: what is drawn as designed are the curvatures kx and ky that the surface has along y = 0, held at "
+                     "every height; a deviation from it is no fault"),
         ("Grid", f"{nx} × {ny} cells over the outline's box, {fixed((x_max - x_min) / nx, 2)} × "
                  f"{fixed((y_max - y_min) / ny, 2)} mm each: {count(inside)} cell middles inside the outline "
                  f"and {count(edge)} places on the outline itself"),

@@ -55,10 +55,12 @@ from raytrace.viewing.camera import Frame
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
+    from mirror_studio.build.wanted import TargetFigures
 
 METHODS = {
     "decoupled": "decoupled: vertical circles of radius Ry hung on the horizontal profile of Rx",
     "faithful": "faithful: the closest to both laws at once, by least squares on the whole shape operator",
+    "view": "from the wanted view, by least squares on the reflected rays; there are no curvature laws",
 }
 # Measures that have a row of their own in the report.
 OWN_ROWS = {"h_fov_section_deg", "h_fov_traced_deg", "v_fov_left_section_deg", "v_fov_left_traced_deg",
@@ -104,6 +106,7 @@ def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metr
         view=_view(mirror, metrics), figures=figures, fields=fields, limit=limit, bin_width=findings.shares.bin_width,
         as_curvature=[pair.name.removeprefix("1/") for pair in pairs if pair.as_curvature],
         quantities=QUANTITIES, stages=stage_rows(deviation, surface.method), explained=explained_sentences(deviation),
+        has_laws=mirror.spec.has_laws,
         model=model_sentences(deviation, surface.method, Floor.found(mirror.faithful), surface.curvature_tolerance_percent),
         stl=deviation.stages.stl, chain=chain_links(deviation), weakest=weakest_sentence(deviation.rays),
         method=surface.method, flat=deviation.percent is None, largest_percent=LARGEST_PERCENT,
@@ -129,8 +132,19 @@ def verdicts(mirror: Mirror, deviation: Deviation, fields: DeviationFields,
              metrics: Metrics) -> list[Verdict]:
     """The verdicts in words with their numbers."""
     rows = view_requirements(mirror, metrics)
-    return [_numerical_verdict(mirror, deviation), _part_verdict(mirror, deviation, fields),
-            *([_view_verdict(rows)] if rows else [])]
+    second = _part_verdict(mirror, deviation, fields) if metrics.target is None else _target_verdict(metrics.target)
+    return [_numerical_verdict(mirror, deviation), second, *([_view_verdict(rows)] if rows else [])]
+
+
+def _target_verdict(target: TargetFigures) -> Verdict:
+    """How near the mirror comes to the view that it is made for."""
+    at = f"{place(target.max_at_mm)}{NARROW_SPACE}mm"
+    each = "" if len(target.eyes) == 1 else "; " + ", ".join(
+        f"{name} eye {with_unit(one.rms_arcmin, '′')} RMS" for name, one in target.eyes.items())
+    settled = ("More spans would gain nothing that an eye sees: this is what no surface can show"
+               if target.settled else "More spans, or more steps, would still change this")
+    return Verdict("Wanted view", "open", f"Missed by {with_unit(target.rms_arcmin, '′')} RMS",
+                   f"At most {with_unit(target.max_arcmin, '′')} at {at}{each}, as traced in the exported file. {settled}.")
 
 
 def _view_verdict(rows: list[Requirement]) -> Verdict:
@@ -210,9 +224,10 @@ def facts(mirror: Mirror, metrics: Metrics) -> list[tuple[str, str]]:
     sits = f"{plain(spec.eye.distance_mm)} mm from the centre, in front of the mirror's {above}"
     if metrics.eye_mm:
         sits += f": ({', '.join(fixed(v, 1) for v in metrics.eye_mm)}) mm"
+    made_for = [("Wanted view", spec.target.in_words())] if spec.target is not None else [
+        ("Horizontal law Rx(x)", spec.horizontal.in_words(solved)), ("Vertical law Ry(x)", spec.vertical.in_words())]
     return [
-        ("Horizontal law Rx(x)", spec.horizontal.in_words(solved)),
-        ("Vertical law Ry(x)", spec.vertical.in_words()),
+        *made_for,
         ("Surface", METHODS[spec.surface.method]),
         ("Size", f"{fixed(x_max - x_min, 1)} × {fixed(y_max - y_min, 1)} mm, "
                  f"{plain(spec.glass.thickness_mm)} mm thick"
@@ -293,8 +308,12 @@ def _making(mirror: Mirror, metrics: Metrics) -> list[tuple[str, str]]:
         rows += [(f"Least squares, {spans_in_words(level.spans)} spans of degree {mirror.faithful.degree}",
                   f"shape RMS {with_unit(level.shape_rms_percent, '%', FLOOR_DIGITS)}; {level.unknowns} unknowns, "
                   f"{level.evaluations} evaluations") for level in mirror.faithful.levels]
+    if mirror.from_view is not None:
+        rows += [(f"Least squares, {spans_in_words(level.spans)} spans of degree {mirror.from_view.degree}",
+                  f"missed {with_unit(level.rms_arcmin, '′', FLOOR_DIGITS)} RMS; {level.unknowns} unknowns, "
+                  f"{level.steps} steps") for level in mirror.from_view.levels]
     rows += [
-        ("Integration of the profile", f"{surface.integration}{step}"),
+        *([("Integration of the profile", f"{surface.integration}{step}")] if mirror.spec.has_laws else []),
         ("Fit", f"{fit.route}, degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans (x × y); "
                 f"tolerances {'met' if fit.met else 'not met'}"),
         ("Fit, largest position error", f"{_beside(fit.position_error_mm, surface.position_tolerance_mm, 'mm', 2)} "

@@ -26,6 +26,8 @@ def in_effect(spec: MirrorSpec) -> dict[str, Any]:
         found["outline"] = {key: value for key, value in found["outline"].items() if key not in SIZES}
     if spec.glass.reflecting == "front":
         del found["glass"]["index"]
+    if not spec.has_laws:
+        del found["horizontal"], found["vertical"]
     if spec.surface.fit != "collocation":
         del found["surface"]["degree"], found["surface"]["spans"]
     return found

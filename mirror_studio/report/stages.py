@@ -103,8 +103,8 @@ def _place(size: float, at: tuple[float, float]) -> str:
 def stages_and_total(deviation: Deviation) -> list[tuple[str, StageDeviation]]:
     """The deviations from surface to surface by the names of deviation.json, and the total."""
     stages = deviation.stages
-    return [("model", stages.model), ("integration", stages.integration), ("fit", stages.fit), ("step", stages.step),
-            ("total", deviation.total)]
+    numerical = [("integration", stages.integration), ("fit", stages.fit), ("step", stages.step)]
+    return [("model", stages.model), *numerical, ("total", deviation.total)] if deviation.of_laws else numerical
 
 
 def numerical_stages(deviation: Deviation) -> list[tuple[str, StageDeviation]]:
@@ -127,6 +127,8 @@ def stages_table(deviation: Deviation) -> Table:
 
 def explained_sentences(deviation: Deviation) -> str:
     """How model and numerics make up the total, and what they leave unexplained."""
+    if not deviation.of_laws:
+        return "No law asked for this mirror's curvature, so there is no model to deviate and no total."
     explained = deviation.explained
     left = explained.unexplained_max_per_m
     sums = "exactly" if left == 0.0 else f"but for {with_unit(left, '/m', 2)}, which is rounding"
@@ -152,6 +154,10 @@ def model_sentences(deviation: Deviation, method: str, floor: Floor | None, held
 
     held_percent : a model whose shape RMS is below this holds its laws as well as the numerics are asked to.
     """
+    if not deviation.of_laws:
+        return ("What the mirror misses of the wanted view is said in arc minutes under the verdicts. A view settles the normal "
+                "at every place, and three numbers a place are more than one height field has: its normals belong to a "
+                "surface only where their slopes have no curl. What is left is the part that no surface shows.")
     stage = deviation.stages.model
     model, shape = stage.largest_principal_percent, stage.shape.rms_percent
     if model is None or shape is None:

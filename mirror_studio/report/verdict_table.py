@@ -91,6 +91,8 @@ def _curvature(found: QuantityDeviation, limit_percent: float | None) -> tuple[s
 
 
 def _of_part(mirror: Mirror, deviation: Deviation) -> list[Requirement]:
+    if not mirror.spec.has_laws:
+        return []
     limit, total = mirror.spec.limits.curvature_percent, deviation.total
     return [Requirement("part", f"{key}, realised against designed", *_curvature(found, limit))
             for key, found in (("k1", total.k1), ("k2", total.k2))]

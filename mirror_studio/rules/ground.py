@@ -131,7 +131,7 @@ def missing_ground(left: View, right: View, required: RequiredGround) -> Missing
     to_both = integral(widths(lambda seen: seen.both), required.x) / MM**2
     horizon = None
     if required.endless:
-        horizon = any(bool(edge.find(STRAIGHT_BACK, at_infinity=True)[1][0]) for edge in edges)
+        horizon = any(bool(edge.image_points(STRAIGHT_BACK, at_infinity=True)[1][0]) for edge in edges)
     near = max(4.0 * required.x[-2 if required.endless else -1], 60.0 * MM) if required.endless else float(required.x[-1])
     x = np.unique(np.concatenate([np.linspace(required.x[0], near, LINES), required.x]))
     x = x[x <= max(near, required.x[-1])]

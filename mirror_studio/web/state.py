@@ -27,7 +27,7 @@ BUILT_IN_PICTURE = "road"
 
 def presets() -> dict[str, dict[str, Any]]:
     """Every preset with all of its keys, as the page holds them."""
-    return {name: as_state(load_spec(name)) for name in preset_names()}
+    return {name: as_state(spec) for name in preset_names() if (spec := load_spec(name)).has_laws}
 
 
 def as_state(spec: MirrorSpec) -> dict[str, Any]:
