@@ -38,6 +38,7 @@ class Grid:
     @staticmethod
     @lru_cache(maxsize=4)  # a design, its deviation and its plate look at one outline; an outline never changes
     def over(outline: Outline, cells: tuple[int, int] = GRID, edge_points: int = EDGE_POINTS) -> Grid:
+        """The grid of an outline: `cells` along x and y over its box, and about `edge_points` on it."""
         x_min, x_max, y_min, y_max = outline.bounding_box()
         nx, ny = cells
         cells_x = x_min + (x_max - x_min) * (np.arange(nx) + 0.5) / nx

@@ -125,8 +125,13 @@ class Mirror:
                 circle_section_fov(kappa, 0.5 * self.left_height_mm, distance))
 
     def export_step(self, path: str | Path) -> None:
-        """Write the plate as AP242 STEP, the optical face named and coloured; of glass that reflects from its back the
-        front face is named too. Raises: WriteError, SolidError.
+        """Write the plate as AP242 STEP, the optical face named and coloured.
+
+        Of glass that reflects from its back the front face is named too.
+
+        Raises
+        ------
+        WriteError, SolidError
         """
         from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
 
