@@ -59,10 +59,12 @@ class DeviationFields:
 
     @property
     def largest(self) -> float:
+        """The largest deviation in size, in `unit`."""
         return max(float(np.abs(field).max()) for field in self.values.values())
 
     @property
     def scale(self) -> float:
+        """The one scale of all, ± in `unit`."""
         least = MIN_PERCENT if self.unit == "%" else MIN_CURVATURE_PER_M
         largest = max(self.largest, least)
         return largest if self.limit is None or self.limit_is_far else max(largest, 1.1 * self.limit)
