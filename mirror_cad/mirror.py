@@ -235,7 +235,8 @@ def design(spec: MirrorSpec) -> Mirror:
 
     Parameters
     ----------
-    spec : what is asked for.
+    spec
+        What is asked for.
 
     Returns
     -------

@@ -104,9 +104,12 @@ def deviation_in(unit: str, realised: ShapeOperator, designed: ShapeOperator, rm
 
     Parameters
     ----------
-    unit : "%" or "1/m".
-    realised, designed : (n,) each, 1/mm.
-    rms : of the designed curvature over the mirror, 1/mm, above 0 for percent.
+    unit
+        "%" or "1/m".
+    realised, designed
+        (n,) each, 1/mm.
+    rms
+        Of the designed curvature over the mirror, 1/mm, above 0 for percent.
     """
     per_mm = differences(realised, designed)
     return percent_of(per_mm, designed, rms) if unit == "%" else CurvatureFields(*(1e3 * value for value in per_mm))
