@@ -20,28 +20,72 @@ FLOOR = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignedCurvature:
-    """The two designed curvatures 1/Rx(x) and 1/Ry(x), 1/mm."""
+    """The two designed curvatures of a mirror.
+
+    Attributes
+    ----------
+    horizontal, vertical : PiecewiseChebyshev
+        1/Rx(x) and 1/Ry(x), 1/mm.
+    """
 
     horizontal: PiecewiseChebyshev
     vertical: PiecewiseChebyshev
 
     def shape(self, x: ArrayLike) -> ShapeOperator:
-        """diag(1/Rx, 1/Ry) at x."""
+        """diag(1/Rx, 1/Ry) at x.
+
+        Parameters
+        ----------
+        x : array_like
+            mm.
+        """
         kx = self.horizontal(x)
         return ShapeOperator(kx, self.vertical(x), np.zeros_like(kx))
 
     def rms(self, outline: Outline) -> float:
-        """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm."""
+        """RMS ‖diag(1/Rx, 1/Ry)‖ over the trimmed mirror, by area in (x, y), 1/mm.
+
+        Parameters
+        ----------
+        outline : Outline
+            What the mirror is trimmed to.
+        """
         grid = Grid.over(outline)
         # The laws depend on x alone: each column of cells counts as often as it has cells inside, the edge not at all.
         return rms_norm(self.shape(grid.cells_x), grid.inside.sum(axis=1, dtype=np.float64))
 
     def percent_of(self, x: Array, rms: float) -> Array:
-        """What counts as 100 % at x for k1 and k2, (n, 2): the designed pair, larger first, not below the floor."""
+        """What counts as 100 % for k1 and k2: the designed pair, larger first, not below the floor.
+
+        Parameters
+        ----------
+        x : ndarray
+            (n,), mm.
+        rms : float
+            As `rms` gives it.
+
+        Returns
+        -------
+        ndarray
+            (n, 2), 1/mm.
+        """
         return percent_scale(self.shape(x), rms)
 
 
 def percent_scale(designed: ShapeOperator, rms: float) -> Array:
-    """The designed pair in size, larger curvature first, (…, 2), nowhere below FLOOR of the RMS, 1/mm."""
+    """The designed pair in size, larger curvature first, nowhere below FLOOR of the RMS.
+
+    Parameters
+    ----------
+    designed : ShapeOperator
+        1/mm.
+    rms : float
+        RMS ‖diag(1/Rx, 1/Ry)‖ over the mirror, 1/mm.
+
+    Returns
+    -------
+    ndarray
+        (…, 2), 1/mm.
+    """
     pair = np.stack(principal_curvatures_of(designed), axis=-1)
     return np.maximum(np.abs(pair), FLOOR * rms)

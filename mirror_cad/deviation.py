@@ -50,9 +50,12 @@ class SurfaceState:
 
     Attributes
     ----------
-    shape : shape operator, components (n,), 1/mm.
-    height : (n,), mm.
-    normal : unit normals, (n, 3).
+    shape
+        Shape operator, components (n,), 1/mm.
+    height
+        (n,), mm.
+    normal
+        Unit normals, (n, 3).
     """
 
     shape: ShapeOperator
@@ -76,10 +79,14 @@ class QuantityDeviation:
 
     Attributes
     ----------
-    max_percent : the signed value of largest size, in percent of the local designed value; None for a plane.
-    rms_percent : root of the mean square by area, percent; None for a plane.
-    max_per_m : the signed value of largest size, 1/m.
-    max_at_mm : (x, y) of the largest in percent, for a plane of the largest in 1/m; mm.
+    max_percent
+        The signed value of largest size, in percent of the local designed value; None for a plane.
+    rms_percent
+        Root of the mean square by area, percent; None for a plane.
+    max_per_m
+        The signed value of largest size, 1/m.
+    max_at_mm
+        (x, y) of the largest in percent, for a plane of the largest in 1/m; mm.
     """
 
     max_percent: float | None
@@ -94,9 +101,12 @@ class ShapeDeviation:
 
     Attributes
     ----------
-    max_percent, rms_percent : in percent of RMS ‖diag(1/Rx, 1/Ry)‖; None for a plane.
-    max_per_m, rms_per_m : 1/m.
-    max_at_mm : (x, y) of the largest, mm.
+    max_percent, rms_percent
+        In percent of RMS ‖diag(1/Rx, 1/Ry)‖; None for a plane.
+    max_per_m, rms_per_m
+        1/m.
+    max_at_mm
+        (x, y) of the largest, mm.
     """
 
     max_percent: float | None
@@ -112,12 +122,18 @@ class StageDeviation:
 
     Attributes
     ----------
-    k1, k2 : principal curvatures, larger first.
-    kx, ky, twist : the components W11, W22, W12 of the shape operator.
-    shape : the shape operator as a whole.
-    sag_max_mm : the signed height difference of largest size, mm.
-    slope_max_arcsec : the largest angle between the normals, arc seconds.
-    sag_max_at_mm, slope_max_at_mm : (x, y) of these, mm.
+    k1, k2
+        Principal curvatures, larger first.
+    kx, ky, twist
+        The components W11, W22, W12 of the shape operator.
+    shape
+        The shape operator as a whole.
+    sag_max_mm
+        The signed height difference of largest size, mm.
+    slope_max_arcsec
+        The largest angle between the normals, arc seconds.
+    sag_max_at_mm, slope_max_at_mm
+        (x, y) of these, mm.
     """
 
     k1: QuantityDeviation
@@ -154,11 +170,16 @@ class StageDeviations:
 
     Attributes
     ----------
-    model : the exact surface of the method against the design: what no numerics can remove.
-    integration : its profile as integrated, against the model.
-    fit : the B-spline against that.
-    step : the B-spline as read back from STEP, against the fit.
-    stl : the triangles against the B-spline.
+    model
+        The exact surface of the method against the design: what no numerics can remove.
+    integration
+        Its profile as integrated, against the model.
+    fit
+        The B-spline against that.
+    step
+        The B-spline as read back from STEP, against the fit.
+    stl
+        The triangles against the B-spline.
     """
 
     model: StageDeviation
@@ -178,9 +199,10 @@ class ExplainedDeviation:
 
     Attributes
     ----------
-    model_shape_rms_percent, numerical_shape_rms_percent, total_shape_rms_percent : RMS of the shape operator's deviation,
-        in percent of the designed RMS; None for a plane.
-    unexplained_max_per_m : the largest part of the total that the sum of the stages leaves, 1/m: rounding.
+    model_shape_rms_percent, numerical_shape_rms_percent, total_shape_rms_percent
+        RMS of the shape operator's deviation, in percent of the designed RMS; None for a plane.
+    unexplained_max_per_m
+        The largest part of the total that the sum of the stages leaves, 1/m: rounding.
     """
 
     model_shape_rms_percent: float | None
@@ -197,12 +219,18 @@ class RayDeviation:
 
     Attributes
     ----------
-    kernel : integration and fit.
-    file : STEP, read back.
-    mesh : the facets of the STL; None where it has no optical facet.
-    glass : a curvature that is `glass_percent` off from the centre to the edge.
-    glass_percent : the limit of the part, or 1 % where none is stated.
-    eye : what an eye resolves.
+    kernel
+        Integration and fit.
+    file
+        STEP, read back.
+    mesh
+        The facets of the STL; None where it has no optical facet.
+    glass
+        A curvature that is `glass_percent` off from the centre to the edge.
+    glass_percent
+        The limit of the part, or 1 % where none is stated.
+    eye
+        What an eye resolves.
     """
 
     kernel: float
@@ -219,16 +247,25 @@ class Deviation:
 
     Attributes
     ----------
-    grid : where all is evaluated.
-    stages, total : each stage against the one before; the surface as read back against the design.
-    explained : how the stages make up the total.
-    rays : what each link turns a reflected ray by.
-    numerical : whether integration, fit and STEP are within the two tolerances.
-    part : whether the total is within the limit; None without a limit, and for a plane.
-    states : the surface that the design and each stage leave, at the grid.
-    percent : signed deviation of the total at the grid, percent; None for a plane.
-    of_laws : whether a law asked for the curvature; without one it is what the surface has along y = 0, and there is no
-        model to deviate from it, and no total.
+    grid
+        Where all is evaluated.
+    stages, total
+        Each stage against the one before; the surface as read back against the design.
+    explained
+        How the stages make up the total.
+    rays
+        What each link turns a reflected ray by.
+    numerical
+        Whether integration, fit and STEP are within the two tolerances.
+    part
+        Whether the total is within the limit; None without a limit, and for a plane.
+    states
+        The surface that the design and each stage leave, at the grid.
+    percent
+        Signed deviation of the total at the grid, percent; None for a plane.
+    of_laws
+        Whether a law asked for the curvature; without one it is what the surface has along y = 0, and there is no model to
+        deviate from it, and no total.
     """
 
     grid: Grid
@@ -272,15 +309,22 @@ def compare_stages(
 
     Parameters
     ----------
-    curvature : the designed pair 1/Rx(x), 1/Ry(x).
-    outline : what the mirror is trimmed to.
-    decoupled, model, integrated : the exact decoupled surface, the exact surface of the chosen method, and that with its
-        profile as integrated.
-    fitted, read_back : the B-spline, and the same as read back from STEP.
-    stl : the triangles as read back.
-    position_tolerance_mm, curvature_tolerance_percent : what `numerical` holds integration, fit and STEP to.
-    limit_percent : what `part` holds k1 and k2 of the total to; None for nothing.
-    of_laws : whether a law asked for the curvature.
+    curvature
+        The designed pair 1/Rx(x), 1/Ry(x).
+    outline
+        What the mirror is trimmed to.
+    decoupled, model, integrated
+        The exact decoupled surface, the exact surface of the chosen method, and that with its profile as integrated.
+    fitted, read_back
+        The B-spline, and the same as read back from STEP.
+    stl
+        The triangles as read back.
+    position_tolerance_mm, curvature_tolerance_percent
+        What `numerical` holds integration, fit and STEP to.
+    limit_percent
+        What `part` holds k1 and k2 of the total to; None for nothing.
+    of_laws
+        Whether a law asked for the curvature.
     """
     grid = Grid.over(outline)
     against = _of_sag(decoupled, grid)
@@ -321,9 +365,12 @@ def percent_of(difference: CurvatureFields, designed: ShapeOperator, rms: float)
 
     Parameters
     ----------
-    difference : (n,) each, 1/mm.
-    designed : the designed shape operator at the same points, 1/mm.
-    rms : RMS ‖diag(1/Rx, 1/Ry)‖ over the mirror, 1/mm, above 0; twist is in percent of this.
+    difference
+        (n,) each, 1/mm.
+    designed
+        The designed shape operator at the same points, 1/mm.
+    rms
+        RMS ‖diag(1/Rx, 1/Ry)‖ over the mirror, 1/mm, above 0; twist is in percent of this.
     """
     pair, floor = percent_scale(designed, rms), FLOOR * rms
     scale = (pair[..., 0], pair[..., 1], np.maximum(np.abs(designed.w11), floor), np.maximum(np.abs(designed.w22), floor),
@@ -336,7 +383,8 @@ def index_of_largest(size: Array, grid: Grid) -> int:
 
     Parameters
     ----------
-    size : (n,) at the points of the grid, not negative.
+    size
+        (n,) at the points of the grid, not negative.
     """
     ties = np.flatnonzero(size >= size.max() * (1.0 - SAME_SIZE))
     return int(ties[np.argmax(grid.y[ties])])

@@ -24,8 +24,14 @@ EDGE_POINTS = 2000
 class Grid:
     """Where the trimmed mirror is evaluated: cell centres inside the outline, then points on its edge.
 
-    x, y : (n,).   weights : (n,) 1 inside, 0 on the edge (which counts for largest values only).
-    cells_x, cells_y, inside : the grid as a rectangle, for maps.
+    Attributes
+    ----------
+    x, y : ndarray
+        (n,), mm.
+    weights : ndarray
+        (n,), 1 inside, 0 on the edge, which counts for largest values only.
+    cells_x, cells_y, inside : ndarray
+        The grid as a rectangle, for maps.
     """
 
     x: Array
@@ -38,6 +44,17 @@ class Grid:
     @staticmethod
     @lru_cache(maxsize=4)  # a design, its deviation and its plate look at one outline; an outline never changes
     def over(outline: Outline, cells: tuple[int, int] = GRID, edge_points: int = EDGE_POINTS) -> Grid:
+        """The grid of an outline.
+
+        Parameters
+        ----------
+        outline : Outline
+            Closed, mm.
+        cells : tuple
+            Along x and y over its box.
+        edge_points : int
+            About so many on the outline.
+        """
         x_min, x_max, y_min, y_max = outline.bounding_box()
         nx, ny = cells
         cells_x = x_min + (x_max - x_min) * (np.arange(nx) + 0.5) / nx
@@ -58,18 +75,51 @@ class Grid:
         return slice(int(self.inside.sum()), len(self.x))
 
     def derivatives(self, surface: BSplineSurface) -> dict[str, Array]:
-        """`surface.derivatives` at (x, y), each (n, 3), for u = x and v = y; the cells as the regular grid that they are."""
+        """`surface.derivatives` at (x, y), the cells as the regular grid that they are.
+
+        Parameters
+        ----------
+        surface : BSplineSurface
+            u = x, v = y.
+
+        Returns
+        -------
+        dict
+            Each (n, 3).
+        """
         cells = surface.on_grid(self.cells_x, self.cells_y)
         edge = surface.derivatives(self.x[self.edge], self.y[self.edge])
         return {key: np.concatenate([cells[key][self.inside], edge[key]]) for key in cells}
 
     def points(self, surface: BSplineSurface) -> Array:
-        """`surface.evaluate` at (x, y), (n, 3)."""
+        """`surface.evaluate` at (x, y).
+
+        Parameters
+        ----------
+        surface : BSplineSurface
+            u = x, v = y.
+
+        Returns
+        -------
+        ndarray
+            (n, 3), mm.
+        """
         cells = surface.on_grid(self.cells_x, self.cells_y, order=0)["s"]
         return np.concatenate([cells[self.inside], surface.evaluate(self.x[self.edge], self.y[self.edge])])
 
     def as_map(self, values: Array) -> Array:
-        """Values at (x, y) as a rectangle (cells_x, cells_y), NaN outside the outline."""
+        """Values at (x, y) as a rectangle.
+
+        Parameters
+        ----------
+        values : ndarray
+            (n,).
+
+        Returns
+        -------
+        ndarray
+            (cells_x, cells_y), NaN outside the outline.
+        """
         rectangle = np.full(self.inside.shape, np.nan)
         rectangle[self.inside] = values[: int(self.weights.sum())]
         return rectangle

@@ -18,8 +18,10 @@ def allow_limit(name: str, unit: str) -> None:
 
     Parameters
     ----------
-    name : as it stands in [limits], lower case with underscores.
-    unit : of its two numbers, the least and the most.
+    name
+        As it stands in [limits], lower case with underscores.
+    unit
+        Of its two numbers, the least and the most.
     """
     _units[name] = unit
 

@@ -14,7 +14,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceMesh:
-    """Triangles: vertices (n, 3) float64 in mm, faces (m, 3) int32, counter-clockwise seen from outside."""
+    """Triangles.
+
+    Attributes
+    ----------
+    vertices : ndarray
+        (n, 3) float64, mm.
+    faces : ndarray
+        (m, 3) int32, counter-clockwise seen from outside.
+    """
 
     vertices: Array
     faces: NDArray[np.int32]

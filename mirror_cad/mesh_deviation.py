@@ -17,9 +17,12 @@ class MeshDeviation:
 
     Attributes
     ----------
-    height_max_mm : the largest distance of a facet, mm; None without an optical facet.
-    normal_max_deg : the largest angle of a facet's normal to the surface's, degrees; None without an optical facet.
-    facets : number of optical facets.
+    height_max_mm
+        The largest distance of a facet, mm; None without an optical facet.
+    normal_max_deg
+        The largest angle of a facet's normal to the surface's, degrees; None without an optical facet.
+    facets
+        Number of optical facets.
     """
 
     height_max_mm: float | None
@@ -35,9 +38,12 @@ def stl_deviation(mesh: SurfaceMesh, surface: BSplineSurface, outline: Outline) 
 
     Parameters
     ----------
-    mesh : the whole plate, in mirror coordinates, mm.
-    surface : the optical face, u = x and v = y.
-    outline : what it is trimmed to.
+    mesh
+        The whole plate, in mirror coordinates, mm.
+    surface
+        The optical face, u = x and v = y.
+    outline
+        What it is trimmed to.
     """
     corners = mesh.vertices[mesh.faces]
     x_min, x_max, y_min, y_max = outline.bounding_box()

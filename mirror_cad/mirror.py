@@ -61,14 +61,35 @@ STL_ROUNDING = float(np.finfo(np.float32).eps)  # relative: rounding to float32 
 class Mirror:
     """A designed mirror. Frame: mm, x right, y up, z towards the driver; origin at the centre of the surface.
 
-    surface : u = x, v = y.   outline : closed curve in (x, y).   box : the outline's (x_min, x_max, y_min, y_max).
-    curvature : the design.   exact : the sag of the decoupled surface by exact quadrature.   model : the exact sag of the
-    method that the spec names; that same one, or the faithful one.   integrated : the model with its profile as integrated.
-    faithful : how the faithful surface was found, or None.   fit : how the surface was fitted and what it reached.
-    matched : the key and value that `match` was solved for.
-    notes : what a user should know and no error says.
-    from_view : how the surface of a wanted view was found, or None. Such a mirror has no laws: `curvature` is what it has
-    along y = 0, and `exact` the decoupled surface of that.
+    Attributes
+    ----------
+    spec : MirrorSpec
+        What was asked for.
+    surface : BSplineSurface
+        The optical face, untrimmed; u = x, v = y.
+    outline : Outline
+        Closed curve in (x, y).
+    box : tuple
+        The outline's (x_min, x_max, y_min, y_max).
+    curvature : DesignedCurvature
+        The design.
+    exact : DecoupledSag
+        The decoupled surface by exact quadrature.
+    model : Sag
+        The exact surface of the method that the spec names: `exact`, or the faithful one.
+    integrated : Sag
+        The model with its profile as integrated.
+    faithful : Faithful or None
+        How the faithful surface was found.
+    fit : Fit
+        How the surface was fitted and what it reached.
+    matched : tuple or None
+        The key and value that `match` was solved for.
+    notes : tuple of str
+        What a user should know and no error says.
+    from_view : FromView or None
+        How the surface of a wanted view was found. Such a mirror has no laws: `curvature` is what it has along y = 0, and
+        `exact` the decoupled surface of that.
     """
 
     spec: MirrorSpec
@@ -135,8 +156,19 @@ class Mirror:
                 circle_section_fov(kappa, 0.5 * self.left_height_mm, distance))
 
     def export_step(self, path: str | Path) -> None:
-        """Write the plate as AP242 STEP, the optical face named and coloured; of glass that reflects from its back the
-        front face is named too. Raises: WriteError, SolidError.
+        """Write the plate as AP242 STEP, the optical face named and coloured.
+
+        Of glass that reflects from its back the front face is named too.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of the file.
+
+        Raises
+        ------
+        WriteError, SolidError
+            Where the file cannot be written, or the plate cannot be.
         """
         from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
 
@@ -146,7 +178,18 @@ class Mirror:
         write_step(Path(path), [Part(self.plate.solid, name, GLASS_COLOUR, faces)], name)
 
     def export_surface_step(self, path: str | Path) -> None:
-        """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire."""
+        """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of the file.
+
+        Raises
+        ------
+        WriteError, SolidError
+            Where the file cannot be written, or the plate cannot be.
+        """
         from mirror_cad.occt.solid import outer_wire, sheet
         from mirror_cad.occt.step import OPTICAL_COLOUR, OPTICAL_FACE, TRIM_CURVE, Part, write_step
 
@@ -157,10 +200,22 @@ class Mirror:
         write_step(Path(path), parts, name)
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
-        """Write the plate as binary STL, no facet farther than the absolute deflection from its face; default: the spec's.
+        """Write the plate as binary STL, no facet farther than the deflection from its face.
 
-        Raises: WriteError for a deflection that is not positive and finite or that no STL of this plate can hold, and
-        where the file cannot be written.
+        Parameters
+        ----------
+        path : str or Path
+            Of the file.
+        deflection_mm : float, optional
+            Absolute; without it that of the specification.
+
+        Raises
+        ------
+        WriteError
+            For a deflection that is not positive and finite or that no STL of this plate can hold, and where the file cannot be
+            written.
+        SolidError
+            Where the plate cannot be.
         """
         from mirror_cad.occt.plate_mesh import plate_mesh
         from mirror_cad.occt.tessellate import write_mesh
@@ -186,7 +241,18 @@ class Mirror:
                 max(self.box[2] - margin, domain[2]), min(self.box[3] + margin, domain[3]))
 
     def grid_points(self, pitch_mm: float = 5.0) -> Array:
-        """x, y, z, nx, ny, nz on a regular grid inside the outline, (n, 6); the grid holds the origin."""
+        """Points and normals on a regular grid inside the outline; the grid holds the origin.
+
+        Parameters
+        ----------
+        pitch_mm : float
+            Along x and y.
+
+        Returns
+        -------
+        ndarray
+            (n, 6): x, y, z in mm, and the unit normal.
+        """
         from mirror_cad.surfaces.differential import normals
 
         x_min, x_max, y_min, y_max = self.box
@@ -197,9 +263,19 @@ class Mirror:
         return np.hstack([d["s"], normals(d["u"], d["v"])])
 
     def deviation(self, read_back: BSplineSurface | None = None, stl: SurfaceMesh | None = None) -> Deviation:
-        """Realised against designed curvature, stage by stage, on the optical face as read back from STEP (and STL).
+        """Realised against designed curvature, stage by stage, on the optical face as read back from the files.
 
-        Without files given, they are written to a temporary folder and read back here.
+        Parameters
+        ----------
+        read_back : BSplineSurface, optional
+            The optical face as read from STEP.
+        stl : SurfaceMesh, optional
+            The plate as read from STL. Without both, the files are written to a temporary folder and read back here.
+
+        Raises
+        ------
+        WriteError, SolidError
+            Where a file cannot be written, or the plate cannot be.
         """
         if read_back is None or stl is None:
             from mirror_cad.occt.step import read_step
@@ -236,16 +312,19 @@ class Mirror:
 
 
 def design(spec: MirrorSpec) -> Mirror:
-    """Design a mirror: curvature laws → profile → sag → B-spline surface, with the outline it will be cut to; or a wanted
-    view → surface.
+    """Design a mirror: curvature laws → profile → sag → B-spline surface, with the outline it will be cut to.
+
+    Or a wanted view → surface.
 
     Parameters
     ----------
-    spec : what is asked for.
+    spec : MirrorSpec
+        What is asked for.
 
     Returns
     -------
-    The mirror; its plate and files are made when they are asked for.
+    Mirror
+        Its plate and files are made when they are asked for.
 
     Raises
     ------

@@ -152,8 +152,9 @@ def _of_statement(number: str, body: str, statements: dict[str, str]) -> Iterato
 
 
 def _flat(name: str, body: str, statements: dict[str, str]) -> str | None:
-    """The first point or direction of an entity in space that has not three coordinates; of a curve, another count than its
-    first point.
+    """The first point or direction of an entity in space that has not three coordinates.
+
+    Of a curve, that has another count than its first point.
     """
     if name not in _IN_SPACE and name != "B_SPLINE_CURVE_WITH_KNOTS":
         return None

@@ -48,7 +48,17 @@ class DecoupledSag:
     """z(x, y) = z_p(x) − s(κ₂(x), y): circles of radius 1/κ₂(x) in the planes x = const, hung on the profile z_p.
 
     s = κ₂y²/(1 + w), w = √(1 − κ₂²y²): the circle's sag in the form that holds for flat and concave circles too.
-    Source: eq. 6 of Lee et al. (2014) with R₂ constant along y.
+
+    Attributes
+    ----------
+    profile : Profile
+        z_p.
+    vertical : PiecewiseChebyshev
+        κ₂, 1/mm.
+
+    References
+    ----------
+    Eq. 6 of Lee et al. (2014), with R₂ constant along y.
     """
 
     profile: Profile
@@ -98,7 +108,20 @@ def _cosine(kappa: Array, y: Array) -> Array:
 
 
 def check_circles(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half_height_mm: float) -> None:
-    """Raise ProfileError where a vertical circle's radius does not exceed the mirror's half-height."""
+    """Refuse a vertical circle whose radius does not exceed the mirror's half-height.
+
+    Parameters
+    ----------
+    vertical : PiecewiseChebyshev
+        κ₂, 1/mm.
+    x_min, x_max, half_height_mm : float
+        Of the mirror, mm.
+
+    Raises
+    ------
+    ProfileError
+        With the x of the smallest circle.
+    """
     x = np.linspace(x_min, x_max, 2001)
     kappa = vertical(x)
     worst = int(np.argmax(np.abs(kappa)))
@@ -111,9 +134,21 @@ def check_circles(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half
 
 def check_steps(vertical: PiecewiseChebyshev, jumps: Sequence[float], x_min: float, x_max: float,
                 half_height_mm: float) -> None:
-    """Raise ProfileError where κ₂ changes so fast that the decoupled surface stands up: z_x = −κ₂′·y²/(w(1 + w)).
+    """Refuse a κ₂ that changes so fast that the decoupled surface stands up: z_x = −κ₂′·y²/(w(1 + w)).
 
-    jumps : where κ₂ itself is not continuous.   vertical : κ₂ between x_min and x_max at least.
+    Parameters
+    ----------
+    vertical : PiecewiseChebyshev
+        κ₂ between x_min and x_max at least, 1/mm.
+    jumps : sequence of float
+        x where κ₂ itself is not continuous, mm.
+    x_min, x_max, half_height_mm : float
+        Of the mirror, mm.
+
+    Raises
+    ------
+    ProfileError
+        With the x where it is steepest.
     """
     first = vertical.derivative()
     ends = np.unique(np.clip(vertical.breaks, x_min, x_max))
@@ -132,6 +167,14 @@ def check_steps(vertical: PiecewiseChebyshev, jumps: Sequence[float], x_min: flo
 
 
 def existing_half_height(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half_height_mm: float) -> float:
-    """As much of the half-height as every circle reaches while its slope stays below STEEPEST_SINE."""
+    """As much of the half-height as every circle reaches while its slope stays below STEEPEST_SINE, mm.
+
+    Parameters
+    ----------
+    vertical : PiecewiseChebyshev
+        κ₂, 1/mm.
+    x_min, x_max, half_height_mm : float
+        What is asked for, mm.
+    """
     largest = float(np.abs(vertical(np.linspace(x_min, x_max, 2001))).max())
     return half_height_mm if largest * half_height_mm <= STEEPEST_SINE else STEEPEST_SINE / largest

@@ -45,6 +45,7 @@ class Line:
     at_high: float
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Compute the tangent or angle (n,) at places (n,), mm, and its slope, 1/mm."""
         slope = (self.at_high - self.at_low) / (self.high - self.low)
         return self.at_low + slope * (x - self.low), np.full_like(x, slope)
 
@@ -56,6 +57,7 @@ class EqualAngles:
     angle: Line  # radians
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Compute the tangent or angle (n,) at places (n,), mm, and its slope, 1/mm."""
         angle, slope = self.angle(x)
         tangent = np.tan(angle)
         return tangent, slope * (1.0 + tangent**2)
@@ -77,6 +79,7 @@ class Column:
         return found
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Compute the tangent or angle (n,) at places (n,), mm, and its slope, 1/mm."""
         inside = np.clip(x, self.x[0], self.x[-1])
         slope = self._spline(inside, 1)
         tangent = np.tan(self._spline(inside) + slope * (x - inside))
@@ -94,6 +97,7 @@ class StraightVerticals:
     upright: Line | EqualAngles | Column
 
     def tangents(self, x: Array, y: Array) -> Tangents:
+        """Compute the ray that leaves at (x, y), mm, and how it turns over the mirror."""
         across, by_x = self.across(x)
         upright, by_y = self.upright(y)
         none = np.zeros_like(across)
@@ -120,6 +124,7 @@ class TableView:
         return NdBSpline((along.t, both.t), np.moveaxis(both.c, 0, 1), tuple(degrees))
 
     def tangents(self, x: Array, y: Array) -> Tangents:
+        """Compute the ray that leaves at (x, y), mm, and how it turns over the mirror."""
         inside_x, inside_y = np.clip(x, self.x[0], self.x[-1]), np.clip(y, self.y[0], self.y[-1])
         at = np.stack([inside_x, inside_y], axis=-1)
         spline = self._splines

@@ -35,8 +35,10 @@ CURVATURES = ("k1", "k2", "kx", "ky", "twist", "shape")
 
 
 def deviation_as_json(deviation: Deviation, target: TargetFigures | None = None) -> JsonObject:
-    """The content of deviation.json. A mirror without laws has no model to deviate from them, and no total, but what it misses
-    of the view that it was made for."""
+    """The content of deviation.json.
+
+    A mirror without laws has no model to deviate from them, and no total, but what it misses of the view that it was made for.
+    """
     stages = deviation.stages
     content: dict[str, Json] = {
         "stages": {**{name: stage_as_json(getattr(stages, name)) for name in ("model", "integration", "fit", "step")},

@@ -38,8 +38,10 @@ def asked() -> bool:
 
 
 def leave(code: int) -> None:
-    """End with an exit code now. An interrupt inside compiled text leaves a mark in the interpreter, by which it would end by
-    the signal whatever code was meant; and libraries that were half loaded need not be asked to tidy up.
+    """End with an exit code now.
+
+    An interrupt inside compiled text leaves a mark in the interpreter, by which it would end by the signal whatever code was
+    meant; and libraries that were half loaded need not be asked to tidy up.
     """
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -11,8 +11,9 @@ from mirror_studio.report.verdict_table import Requirement
 
 
 def missed_in_words(rows: Sequence[Requirement]) -> tuple[str, ...]:
-    """One sentence for each requirement that is not met, as the terminal says it: “k1 …: −4.6413 % at (88.1, −161.1) mm, the
-    limit is 4.641 %”.
+    """One sentence for each requirement that is not met, as the terminal says it.
+
+    “k1 …: −4.6413 % at (88.1, −161.1) mm, the limit is 4.641 %”.
     """
     return tuple(_sentence(row) for row in rows if row.met is False)
 

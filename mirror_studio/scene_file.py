@@ -71,8 +71,10 @@ class AimSection(Section):
 
 
 class OwnVehicleSection(Section):
-    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on; body "none" has
-    no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is true.
+    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on.
+
+    Body "none" has no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is
+    true.
     """
 
     width_m: Size = 1.74
@@ -117,8 +119,9 @@ class RoadSection(Listed):
 
 
 class BodySection(Section):
-    """A body on the ground: one of the package's, or a glTF, OBJ, STL, PLY, OFF or 3MF file beside the scene, whose numbers
-    are mm, or `unit`, with `up` upwards (glTF: metres and y by its standard).
+    """A body on the ground: one of the package's, or a glTF, OBJ, STL, PLY, OFF or 3MF file beside the scene.
+
+    Its numbers are mm, or `unit`, with `up` upwards (glTF: metres and y by its standard).
     """
 
     body: str
@@ -174,8 +177,9 @@ class MeasuredSection(Listed):
 
 
 class SceneFile(Listed):
-    """One scene, frozen. Metres and degrees; X rearward, Y right, Z up; X = 0 at the ocular points, Y = 0 the median plane
-    of the driver's vehicle, Z = 0 the ground.
+    """One scene, frozen. Metres and degrees; X rearward, Y right, Z up.
+
+    X = 0 at the ocular points, Y = 0 the median plane of the driver's vehicle, Z = 0 the ground.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]

@@ -43,7 +43,9 @@ def cylinder(radius: float, width: float = 180.0, height: float = 120.0) -> Refl
 def torus(equator: float, tube: float, width: float = 180.0, height: float = 120.0) -> Reflector:
     """The outer part of a torus about an axis along y, as a spline right to 1e-10 mm.
 
-    Level sections through y = 0 are circles of radius `equator`, upright ones in planes through the axis circles of radius `tube`."""
+    Level sections through y = 0 are circles of radius `equator`, upright ones in planes through the axis circles of
+    radius `tube`.
+    """
 
     def sag(x: Array, y: Array) -> Array:
         return np.sqrt((equator - tube + np.sqrt(tube**2 - y**2)) ** 2 - x**2) - equator

@@ -25,10 +25,13 @@ class Constant(Law):
     radius_mm: Annotated[RadiusOrFlat, Shown("{axis} everywhere", 20.0, 3000.0, 5.0, 1, start="$right", drag="everywhere")]
 
     def over(self, span: Span) -> CurvatureLaw:
+        """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         return CurvatureLaw(lambda x: np.full(np.shape(x), 1.0 / self.radius_mm), (), "constant law")
 
     def scaled(self, factor: float) -> Self:
+        """Make the law whose radii are `factor` times as large everywhere."""
         return self.model_copy(update={"radius_mm": factor * self.radius_mm})
 
     def in_words(self, solved: float | None = None) -> str:
+        """Say the law in a few words for a table."""
         return radius_in_words(self.radius_mm)

@@ -34,9 +34,11 @@ class Span:
     right_mm: float
 
     def t(self, x: ArrayLike) -> Array:
+        """Return t at x, mm."""
         return np.clip((self.right_mm - np.asarray(x, dtype=np.float64)) / (self.right_mm - self.left_mm), 0.0, 1.0)
 
     def x(self, t: float) -> float:
+        """Return x, mm, at t."""
         return self.right_mm - t * (self.right_mm - self.left_mm)
 
 

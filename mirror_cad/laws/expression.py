@@ -49,6 +49,7 @@ class Expression(Law):
         return self
 
     def over(self, span: Span) -> CurvatureLaw:
+        """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         of_curvature = self.curvature is not None
         formula = (self.curvature if of_curvature else self.radius) or ""
         parsed = parse_formula(formula)
@@ -64,11 +65,13 @@ class Expression(Law):
         return CurvatureLaw(kappa, (Break(span.left_mm, 0), Break(span.right_mm, 0)), f"expression law {formula!r}")
 
     def scaled(self, factor: float) -> Self:
+        """Make the law whose radii are `factor` times as large everywhere."""
         if self.radius is not None:
             return self.model_copy(update={"radius": f"({self.radius})*{factor!r}"})
         return self.model_copy(update={"curvature": f"({self.curvature})/{factor!r}"})
 
     def in_words(self, solved: float | None = None) -> str:
+        """Say the law in a few words for a table."""
         return f"radius = {self.radius}" if self.radius is not None else f"curvature = {self.curvature}"
 
     def in_short(self) -> str:

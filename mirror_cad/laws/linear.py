@@ -14,6 +14,7 @@ class Linear(TwoRadii):
     law: Literal["linear"] = "linear"
 
     def over(self, span: Span) -> CurvatureLaw:
+        """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         right, left = self.right_mm, self.left_mm
         breaks = {} if right == left else {0.0: 0, 1.0: 0}
         return over_t(lambda t: right + (left - right) * t, span, breaks, "linear law")

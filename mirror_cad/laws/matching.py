@@ -91,8 +91,9 @@ def solve_match(law: Law, eye_distance_mm: float, span: Span, x_min: float, x_ma
 
 
 def _root(miss: Callable[[float], float], roughly: Callable[[float], float], low: float, high: float) -> float | None:
-    """The root of `miss` between low and high: secant steps from the rough function's root, or Brent's method; None where
-    there is none after all.
+    """The root of `miss` between low and high, or None where there is none after all.
+
+    By secant steps from the rough function's root, or by Brent's method.
     """
     if roughly(low) * roughly(high) < 0:
         before = float(brentq(roughly, low, high, xtol=ROUGH_ROOT))

@@ -29,12 +29,14 @@ class Power(Matched, TwoRadii):
                         Shown("Exponent", 0.2, 8.0, 0.05, start=2.0)]
 
     def over(self, span: Span) -> CurvatureLaw:
+        """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         right, left, exponent = self.right_mm, self.left_mm, self.parameter
         at_zero = int(np.ceil(exponent)) - 1  # t^n with t held at 0 beyond has ⌈n⌉ − 1 continuous derivatives at 0
         breaks = {} if right == left else {0.0: at_zero, 1.0: 0}
         return over_t(lambda t: right + (left - right) * t**exponent, span, breaks, "power law")
 
     def candidates(self) -> NDArray[np.float64]:
+        """Return values of the open number between which it is looked for, rising, (n,)."""
         return np.geomspace(0.02, 50.0, 17)
 
     def _between(self, solved: float | None) -> str:

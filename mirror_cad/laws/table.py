@@ -106,6 +106,7 @@ class Table(Law):
         return 1.0 / np.array(self.radius_mm)
 
     def over(self, span: Span) -> CurvatureLaw:
+        """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         x, smoothness = np.array(self.x_mm), SMOOTHNESS[self.interpolation]
         curve = self._curve()
         # At inner rows the derivative after the last continuous one jumps. Ends: the law is held, so its slope jumps.
@@ -124,18 +125,22 @@ class Table(Law):
         return curve
 
     def scaled(self, factor: float) -> Self:
+        """Make the law whose radii are `factor` times as large everywhere."""
         if self.radius_mm is not None:
             return self.model_copy(update={"radius_mm": tuple(factor * radius for radius in self.radius_mm)})
         return self.model_copy(update={"curvature_per_mm": tuple(kappa / factor for kappa in self.curvature_per_mm or ())})
 
     def in_words(self, solved: float | None = None) -> str:
+        """Say the law in a few words for a table."""
         between = "" if self.interpolation == "smooth" else f", {self.interpolation} between"
         return f"table of {len(self.x_mm)} rows{between}"
 
     def extent(self) -> tuple[float, float] | None:
+        """Return the x of the first and the last row, mm."""
         return self.x_mm[0], self.x_mm[-1]
 
     def remarks(self, x_min: float, x_max: float) -> list[str]:
+        """Say where the table ends short of the mirror, or swings between its rows."""
         first, last = self.x_mm[0], self.x_mm[-1]
         if last <= x_min or first >= x_max:
             return super().remarks(x_min, x_max)

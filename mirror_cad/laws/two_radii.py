@@ -34,13 +34,16 @@ class TwoRadii(Law):
         return self
 
     def scaled(self, factor: float) -> Self:
+        """Make the law whose radii are `factor` times as large everywhere."""
         return self.model_copy(update={"right_mm": factor * self.right_mm, "left_mm": factor * self.left_mm})
 
     def in_words(self, solved: float | None = None) -> str:
+        """Say the law in a few words for a table."""
         return (f"{radius_in_words(self.right_mm)} at the right, {radius_in_words(self.left_mm)} at the left, "
                 f"{self._between(solved)}")
 
     def in_short(self) -> str:
+        """Say it in the fewest words, from right to left."""
         return f"{plain(self.right_mm)} → {plain(self.left_mm)} mm, {self.law}"
 
     def _between(self, solved: float | None) -> str:

@@ -13,7 +13,9 @@ class Unstated(Law):
     law: Literal["none"] = "none"
 
     def in_words(self, solved: float | None = None) -> str:
+        """Say that there is none, and why."""
         return "none: the surface comes from the wanted view"
 
     def in_short(self) -> str:
+        """Say what stands in its place."""
         return "wanted view"

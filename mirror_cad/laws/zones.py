@@ -47,6 +47,7 @@ class Zones(Matched, TwoRadii):
         return self
 
     def over(self, span: Span) -> CurvatureLaw:
+        """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         right, left, blend_from, blend_to = self.right_mm, self.left_mm, self.parameter, self.blend_to
         linear = self.blend == "linear"
 
@@ -59,6 +60,7 @@ class Zones(Matched, TwoRadii):
         return over_t(radius, span, breaks, "zones law")
 
     def candidates(self) -> Array:
+        """Return values of the open number between which it is looked for, rising, (n,)."""
         return np.linspace(0.0, self.blend_to - 1e-3, 17)
 
     def _between(self, solved: float | None) -> str:

@@ -102,8 +102,9 @@ def _is_straight(poles: Array, scale: Array) -> bool:
 
 
 def _refined(evaluate: Callable[[Array], Array], t: Array, scale: Array) -> Array:
-    """The points of a curve at t and between, so many that its chords are within LOOP_CHORD of it where that is looked at: at
-    a quarter, half and three quarters of each.
+    """The points of a curve at t and between, so many that its chords are within LOOP_CHORD of it.
+
+    That is evaluated at a quarter, half and three quarters of each chord.
     """
     uv, most = evaluate(t), MAX_CHORDS * len(t)
     open_ = np.ones(len(t) - 1, dtype=np.bool_)  # the chords that have not been found close enough

@@ -83,8 +83,12 @@ def cadquery_stl(solid: TopoDS_Solid, path: Path) -> None:
 
 
 def local_properties(surface: BSplineSurface) -> Callable[[Array, Array], tuple[Array, Array, Array]]:
-    """GeomLProp_SLProps on the surface: (u, v), each (n,), -> points (n, 3), normals (n, 3) and κ1 ≥ κ2 (n, 2), 1/mm, by
-    a call for each point. Convex positive, as ours.
+    """GeomLProp_SLProps on the surface, by a call for each point.
+
+    Returns
+    -------
+    Callable
+        (u, v), each (n,), -> points (n, 3), normals (n, 3) and κ1 ≥ κ2 (n, 2), 1/mm, convex positive, as ours.
     """
     properties = GeomLProp_SLProps(to_geom_surface(surface), 2, RESOLUTION_MM)
 

@@ -131,8 +131,9 @@ def _pcurves(outline: Outline) -> list[Geom2d_Curve]:
 
 
 def _face(surface: Geom_BSplineSurface, pcurves: list[Geom2d_Curve]) -> TopoDS_Face:
-    """The part of a surface inside trimming curves in (u, v), which are met exactly; the edges in space follow to
-    EDGE_TOLERANCE_MM.
+    """The part of a surface inside trimming curves in (u, v).
+
+    These are met exactly; the edges in space follow to EDGE_TOLERANCE_MM.
     """
     wire = BRepBuilderAPI_MakeWire()
     for curve in pcurves:

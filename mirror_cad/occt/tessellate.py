@@ -81,8 +81,12 @@ def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
 
 
 def read_stl(path: Path) -> SurfaceMesh:
-    """The triangles of a binary or ASCII STL file, equal corners as one vertex. Raises: FileError for one that holds none, or
-    corners that are not finite.
+    """Read the triangles of a binary or ASCII STL file, equal corners as one vertex.
+
+    Raises
+    ------
+    FileError
+        For one that holds none, or corners that are not finite.
     """
     if not path.is_file():
         raise FileError(f"{path}: no such file")

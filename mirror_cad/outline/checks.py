@@ -15,7 +15,20 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def check_simple(polygon: FloatArray, source: str) -> None:
-    """Raise `OutlineError` where a closed polygon (n, 2) crosses, touches or folds back on itself."""
+    """Refuse a closed polygon that crosses, touches or folds back on itself.
+
+    Parameters
+    ----------
+    polygon : ndarray
+        (n, 2), mm, the first vertex not repeated.
+    source : str
+        What it is, for messages.
+
+    Raises
+    ------
+    OutlineError
+        Naming the point.
+    """
     origin = polygon[0]
     start = polygon - origin
     end = np.roll(start, -1, axis=0)

@@ -26,10 +26,13 @@ class FileOptions:
 
     Attributes
     ----------
-    layer : what counts is drawn on this layer of a DXF file, or inside the element of an SVG file with this id or Inkscape
-        label, even where that is hidden; None takes whatever is drawn.
-    join_mm : loose ends up to this far apart, in mm, are joined and a note says so; at least 1e-3.
-    loop : "only" refuses a file with several closed loops; "outermost" takes the one that holds all others.
+    layer
+        What counts is drawn on this layer of a DXF file, or inside the element of an SVG file with this id or Inkscape label,
+        even where that is hidden; None takes whatever is drawn.
+    join_mm
+        Loose ends up to this far apart, in mm, are joined and a note says so; at least 1e-3.
+    loop
+        "only" refuses a file with several closed loops; "outermost" takes the one that holds all others.
     """
 
     layer: str | None = None

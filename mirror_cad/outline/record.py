@@ -64,10 +64,22 @@ class Outline:
         return float(low[0]), float(high[1]), float(low[2]), float(high[3])
 
     def polyline(self, tolerance_mm: float) -> FloatArray:
-        """Vertices (n, 2) in mm of a counter-clockwise polygon on the outline; the first one is not repeated.
+        """A counter-clockwise polygon on the outline, every segment end a vertex.
 
-        Every segment end is a vertex, and no edge is farther than `tolerance_mm` from the curve it replaces. Raises
-        `OutlineError` unless tolerance > 0, and where more than `MAXIMUM_EDGES` edges would be needed.
+        Parameters
+        ----------
+        tolerance_mm : float
+            No edge is farther from the curve it replaces.
+
+        Returns
+        -------
+        ndarray
+            (n, 2), mm; the first vertex is not repeated.
+
+        Raises
+        ------
+        OutlineError
+            Unless the tolerance is above 0, and where more than `MAXIMUM_EDGES` edges would be needed.
         """
         parts: list[FloatArray] = []
         total = 0
@@ -91,11 +103,21 @@ class Outline:
         return math.fsum(segment.swept_area(about) for segment in self.segments)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> BoolArray:
-        """Whether the points (x, y) in mm lie inside; `x` and `y` broadcast, the result has their common shape.
+        """Whether points lie inside.
 
-        Decided on the polygon with a chord tolerance of 1e-4 mm (`CONTAINS_TOLERANCE_MM`): a point nearer the outline
-        than that may fall either way, one farther away never does. Points that are not finite are outside. The cost
-        is a sort of the points by y plus, for every edge, a comparison with the points at its height.
+        Decided on the polygon with a chord tolerance of 1e-4 mm (`CONTAINS_TOLERANCE_MM`): a point nearer the outline than that
+        may fall either way, one farther away never does. Points that are not finite are outside. The cost is a sort of the
+        points by y plus, for every edge, a comparison with the points at its height.
+
+        Parameters
+        ----------
+        x, y : array_like
+            mm, of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray
+            Of the common shape.
         """
         xs, ys = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         order = np.argsort(ys, axis=None)
@@ -188,15 +210,26 @@ def _joined(segments: Sequence[Segment], source: str, tolerance_mm: float) -> li
 def closed_outline(
     segments: Sequence[Segment], source: str, join_tolerance_mm: float = GENERATED_JOIN_TOLERANCE_MM
 ) -> Outline:
-    """The outline made of `segments`, which must be in order, each starting where the one before ends.
+    """The outline made of segments in order, each starting where the one before ends.
 
-    Gaps up to `join_tolerance_mm` are closed: lines and splines are moved to the arcs they meet, or half-way to each
-    other, and two arcs half-way to each other (keeping their sweep, beyond half a turn their middle point). A loop
-    that runs clockwise is reversed. `source` names the origin of the segments in messages.
+    Gaps are closed: lines and splines are moved to the arcs they meet, or half-way to each other, and two arcs half-way to each
+    other (keeping their sweep, beyond half a turn their middle point). A loop that runs clockwise is reversed.
 
-    Raises `OutlineError`, naming the point and the numbers, where there is no segment, a gap is larger, the outline
-    is not more than 1 mm and less than 1e5 mm both ways, crosses, touches or folds back on itself (checked on a
-    polygon with a chord tolerance of 1e-4 mm), or encloses no area.
+    Parameters
+    ----------
+    segments : sequence of Line, Arc and Spline
+        In mm.
+    source : str
+        The origin of the segments, for messages.
+    join_tolerance_mm : float
+        The widest gap that is closed.
+
+    Raises
+    ------
+    OutlineError
+        Naming the point and the numbers, where there is no segment, a gap is larger, the outline is not more than 1 mm and less
+        than 1e5 mm along x and y, crosses, touches or folds back on itself (checked on a polygon with a chord tolerance of
+        1e-4 mm), or encloses no area.
     """
     if not segments:
         raise OutlineError(f"{source}: the outline has no segments; draw one closed loop")

@@ -117,8 +117,10 @@ class _Clip(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """What an element inherits: map to the mirror's coordinates, whether it is visible, whether it lies on the layer that is
-    asked for, the clips about it, and the ids of the uses that it is in.
+    """What an element inherits.
+
+    Map to the mirror's coordinates, whether it is visible, whether it lies on the layer that is asked for, the clips about
+    it, and the ids of the uses that it is in.
     """
 
     frame: Frame

@@ -73,21 +73,26 @@ class Frame(NamedTuple):
         return Frame(*self.along((inner.a, inner.b)), *self.along((inner.c, inner.d)), e, f)
 
     def along(self, vector: Point) -> Point:
+        """Map a vector."""
         x, y = vector
         return self.a * x + self.c * y, self.b * x + self.d * y
 
     def at(self, point: Point) -> Point:
+        """Map a point."""
         x, y = self.along(point)
         return x + self.e, y + self.f
 
     def line(self, start: Point, end: Point) -> Segment:
+        """Map the line between two points."""
         return Line(self.at(start), self.at(end))
 
     def bezier(self, *poles: Point) -> Segment:
+        """Map a Bézier curve, as a spline of one span."""
         order = len(poles)
         return Spline(order - 1, np.repeat([0.0, 1.0], order), np.array([self.at(pole) for pole in poles]))
 
     def ellipse(self, centre: Point, rx: float, ry: float, tilt: float, start: float, sweep: float) -> Segment:
+        """Map an elliptic arc: radii, tilt of the first, start and sweep in radians."""
         cos, sin = math.cos(tilt), math.sin(tilt)
         u, v = self.along((rx * cos, rx * sin)), self.along((-ry * sin, ry * cos))
         return elliptic_arc(self.at(centre), u, v, start, sweep)

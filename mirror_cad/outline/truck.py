@@ -16,12 +16,22 @@ SMALLEST_RADIUS_MM = 1e-2
 def truck_outline(width_mm: float, left_height_mm: float, right_height_mm: float, corner_radius_mm: float) -> Outline:
     """The rounded outline of a truck mirror, symmetric about y = 0.
 
-    The quadrilateral has the corners (-width/2, +-left/2) and (+width/2, +-right/2); each is replaced by the arc of
-    `corner_radius_mm` tangent to both its sides, which takes r / tan(angle/2) off either side. With radius 0 the
-    corners stay sharp. Sides used up by their arcs are left out.
+    The quadrilateral has the corners (-width/2, +-left/2) and (+width/2, +-right/2); each is replaced by the arc tangent to
+    both its sides, which takes r / tan(angle/2) off either side. With radius 0 the corners stay sharp. Sides used up by their
+    arcs are left out.
 
-    All in mm. Raises `OutlineError` for a size that is not a finite number above 0, a radius below 0.01 other than 0,
-    and a radius that does not fit, naming the corners and the largest radius that does.
+    Parameters
+    ----------
+    width_mm, left_height_mm, right_height_mm : float
+        Above 0.
+    corner_radius_mm : float
+        r, 0 or at least 0.01.
+
+    Raises
+    ------
+    OutlineError
+        For a size that is not a finite number above 0, a radius below 0.01 other than 0, and a radius that does not fit, naming
+        the corners and the largest radius that does.
     """
     source = "truck outline"
     for name, value in (

@@ -117,8 +117,10 @@ def validated(model: type[Root], raw: Mapping[str, object], source: str, folder:
 
 
 def spec_as_json(spec: MirrorSpec) -> dict[str, Any]:
-    """Make JSON of a specification, which can be read again: without what was left out, with an infinite radius as the text
-    "inf", and of an outline from a file without the sizes that it replaces.
+    """Make JSON of a specification, which can be read again.
+
+    Without what was left out, with an infinite radius as the text "inf", and of an outline from a file without the sizes
+    that it replaces.
     """
 
     def plain(value: Any) -> Any:

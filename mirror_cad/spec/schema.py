@@ -40,6 +40,8 @@ def _size(label: str, low: float, high: float, step: float = 1.0, start: float |
 
 
 class Blank(Section):
+    """The rectangle that the mirror is cut from."""
+
     width_mm: Annotated[Length, _size("Blank width", 20.0, 700.0)] = 250.0
     height_mm: Annotated[Length, _size("Blank height", 20.0, 700.0)] = 380.0
 
@@ -85,6 +87,8 @@ class Glass(Section):
 
 
 class SurfaceSpec(Section):
+    """How the surface is made, of the two laws or of a wanted view, and how closely."""
+
     method: Annotated[Literal["decoupled", "faithful", "view"],
                       Shown("Method", words=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful")))] = "decoupled"
     integration: Annotated[Literal["quadrature", "euler", "rk4"],
@@ -210,6 +214,8 @@ def _ends(value: object) -> tuple[float, float] | None:
 
 
 class Eye(Section):
+    """The driver's eye: its distance from the centre of the mirror surface, and the edge that it is in line with."""
+
     distance_mm: Annotated[Length, _size("Eye to mirror", 300.0, 3000.0, 5.0)] = 762.0
     aligned: Annotated[Literal["right", "centre", "left"],
                        Shown("Eye in line with", words=(("right", "right edge"), ("centre", "centre"), ("left", "left edge"))),
@@ -225,6 +231,8 @@ class Lane(Section):
 
 
 class SceneSpec(Section):
+    """The picture on the reference plane behind the eye, and the lane on that plane."""
+
     image: Annotated[str, Shown("Picture")] = "road"
     distance_mm: Annotated[Number, Field(gt=0, le=1e6), _size("Plane behind eye", 1000.0, 100_000.0, 100.0)] = 8200.0
     width_mm: Annotated[Number, Field(gt=0, le=1e6), _size("Width on plane", 1000.0, 100_000.0, 100.0)] = 9000.0
@@ -234,10 +242,14 @@ class SceneSpec(Section):
 
 
 class View(Section):
+    """The driver's picture."""
+
     width_px: Annotated[int, Field(ge=16, le=4096), Shown("Picture width", 320.0, 4096.0, 16.0, 0)] = 1280
 
 
 class Export(Section):
+    """How the files of the part are written."""
+
     stl_deflection_mm: Annotated[Number, Field(ge=1e-3, le=10), _size("STL deflection", 0.001, 1.0, 0.001)] = 0.01
     surface_margin_mm: Annotated[Number, Field(ge=0, le=1000), _size("Sheet margin", 0.0, 50.0)] = 15.0
 

@@ -24,9 +24,20 @@ CHUNK = 20_000  # points evaluated at once: a few MB of basis functions, inside 
 class BSplineSurface:
     """S(u, v) = Σ_ij N_i,p(u)·N_j,q(v)·w_ij·P_ij / Σ_ij N_i,p(u)·N_j,q(v)·w_ij.
 
-    degree_u, degree_v : p, q.   knots_u (m_u,), knots_v (m_v,) : clamped, with repetition.
-    poles (n_u, n_v, 3), mm.   weights (n_u, n_v) or None where all are 1.
-    Source: L. Piegl, W. Tiller, The NURBS Book, chapters 3 and 4; eq. 7 of Lee et al. (2014).
+    Attributes
+    ----------
+    degree_u, degree_v : int
+        p, q.
+    knots_u, knots_v : ndarray
+        (m_u,) and (m_v,), clamped, with repetition.
+    poles : ndarray
+        P, (n_u, n_v, 3), mm.
+    weights : ndarray or None
+        w, (n_u, n_v); None where all are 1.
+
+    References
+    ----------
+    L. Piegl, W. Tiller, The NURBS Book, chapters 3 and 4; eq. 7 of Lee et al. (2014).
     """
 
     degree_u: int
@@ -151,28 +162,80 @@ class BSplineSurface:
                                "mirror_cad.surfaces.differential.principal_curvatures(surface, u, v)")
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
-        """Points S(u, v), (…, 3) mm, for u and v of shapes that broadcast.
+        """Points S(u, v).
 
-        Raises: SurfaceError for parameters outside the domain.
+        Parameters
+        ----------
+        u, v : array_like
+            Of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray
+            (…, 3), mm.
+
+        Raises
+        ------
+        SurfaceError
+            For parameters outside the domain.
         """
         return self._derivatives(u, v, 0)[..., 0, 0, :]
 
     def derivatives(self, u: ArrayLike, v: ArrayLike) -> dict[str, Array]:
-        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v), each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv"."""
+        """S, S_u, S_v, S_uu, S_uv, S_vv at (u, v).
+
+        Parameters
+        ----------
+        u, v : array_like
+            Of shapes that broadcast.
+
+        Returns
+        -------
+        dict
+            Each (…, 3), under the keys "s", "u", "v", "uu", "uv", "vv".
+
+        Raises
+        ------
+        SurfaceError
+            For parameters outside the domain.
+        """
         d = self._derivatives(u, v, 2)
         return {key: d[..., i, j, :] for key, (i, j) in ORDERS.items()}
 
     def heights(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array, Array]:
-        """z, z_u, z_v at (u, v): all that a surface with u = x, v = y has besides x and y, at a quarter of the work."""
+        """z, z_u, z_v: all that a surface with u = x, v = y has besides x and y, at a quarter of the work.
+
+        Parameters
+        ----------
+        u, v : array_like
+            Of shapes that broadcast.
+
+        Returns
+        -------
+        tuple of ndarray
+            Each of the common shape, mm.
+        """
         if self.weights is not None:
             raise SurfaceError("one coordinate alone is not defined by the poles of a rational surface")
         d = self._derivatives(u, v, 1, component=2)[..., 0]
         return d[..., 0, 0], d[..., 1, 0], d[..., 0, 1]
 
     def on_grid(self, u: Array, v: Array, component: int | None = None, order: int = 2) -> dict[str, Array]:
-        """`derivatives` up to an order on the tensor grid u (m,) × v (n,), each (m, n, 3): a few matrix products.
+        """`derivatives` up to an order on a tensor grid, by a few matrix products.
 
-        component : 0, 1 or 2 gives that coordinate alone, (m, n); only where there are no weights.
+        Parameters
+        ----------
+        u, v : ndarray
+            (m,) and (n,).
+        component : int, optional
+            0, 1 or 2 gives that coordinate alone; only where there are no weights.
+        order : int
+            0 to 2.
+
+        Returns
+        -------
+        dict
+            As `derivatives` gives them, each (m, n, 3), or (m, n) of one component.
         """
         bu, bv = dense_basis(self.knots_u, self.degree_u, u, order), dense_basis(self.knots_v, self.degree_v, v, order)
         orders = {key: (i, j) for key, (i, j) in ORDERS.items() if i + j <= order}
@@ -227,7 +290,20 @@ class BSplineSurface:
 
 
 def greville_abscissae(knots: Array, degree: int) -> Array:
-    """g_i = (t_i+1 + … + t_i+p)/p: the collocation sites, and the poles of the identity."""
+    """g_i = (t_i+1 + … + t_i+p)/p: the collocation sites, and the poles of the identity.
+
+    Parameters
+    ----------
+    knots : ndarray
+        (n + p + 1,), clamped.
+    degree : int
+        p.
+
+    Returns
+    -------
+    ndarray
+        (n,).
+    """
     windows = np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree)
     sites: Array = windows.mean(axis=1)
     sites[0], sites[-1] = knots[0], knots[-1]
@@ -235,11 +311,31 @@ def greville_abscissae(knots: Array, degree: int) -> Array:
 
 
 def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[NDArray[np.int64], Array]:
-    """The degree + 1 B-splines that live at each u and their derivatives up to `order` (0 to 2).
+    """The degree + 1 B-splines that live at each u, and their derivatives.
 
-    Returns: the index of the first one (n,), and values (n, order + 1, degree + 1).
-    Recursion N_i,p = (u − t_i)/(t_i+p − t_i)·N_i,p−1 + …; derivative p·(N_i,p−1/(t_i+p − t_i) − N_i+1,p−1/(…)).
-    Source: The NURBS Book, eqs. 2.5 and 2.7.
+    N_i,p = (u − t_i)/(t_i+p − t_i)·N_i,p−1 + …; derivative p·(N_i,p−1/(t_i+p − t_i) − N_i+1,p−1/(…)).
+
+    Parameters
+    ----------
+    knots : ndarray
+        (m,), clamped.
+    degree : int
+        p.
+    u : ndarray
+        (n,), inside the knots.
+    order : int
+        Of the highest derivative, 0 to 2.
+
+    Returns
+    -------
+    first : ndarray
+        (n,), the index of the first one.
+    values : ndarray
+        (n, order + 1, degree + 1).
+
+    References
+    ----------
+    The NURBS Book, eqs. 2.5 and 2.7.
     """
     u = np.ascontiguousarray(u)
     first, out = np.empty(u.size, dtype=np.int64), np.empty((u.size, order + 1, degree + 1))
@@ -300,7 +396,18 @@ def _contract(first_u: NDArray[np.int64], bu: Array, first_v: NDArray[np.int64],
 
 
 def dense_basis(knots: Array, degree: int, u: Array, order: int) -> Array:
-    """Basis values and derivatives as full matrices (order + 1, n, poles)."""
+    """Basis values and derivatives as full matrices.
+
+    Parameters
+    ----------
+    knots, degree, u, order
+        As for `basis_functions`.
+
+    Returns
+    -------
+    ndarray
+        (order + 1, n, poles).
+    """
     first, local = basis_functions(knots, degree, u, order)
     full = np.zeros((order + 1, u.size, len(knots) - degree - 1))
     columns = first[:, None] + np.arange(degree + 1)

@@ -18,21 +18,57 @@ PointSet = Callable[[Array, Array], Array]
 def collocate(points: PointSet, knots_u: Array, knots_v: Array, degree: int) -> BSplineSurface:
     """The B-spline surface through points(u, v) at the Greville abscissae.
 
-    points : u (m,), v (n,) -> (m, n, 3) mm.
-    Raises: SurfaceError where a point is not finite, with its parameters.
-    Source: C. de Boor, A Practical Guide to Splines, chapter XIII.
+    Parameters
+    ----------
+    points : callable
+        u (m,), v (n,) -> (m, n, 3), mm.
+    knots_u, knots_v : ndarray
+        Clamped.
+    degree : int
+        In both directions.
+
+    Raises
+    ------
+    SurfaceError
+        Where a point is not finite, with its parameters.
+
+    References
+    ----------
+    C. de Boor, A Practical Guide to Splines, chapter XIII.
     """
     return BSplineSurface(degree, degree, knots_u, knots_v, _poles(points, knots_u, knots_v, degree))
 
 
 def collocate_height(height: Callable[[Array, Array], Array], knots_x: Array, knots_y: Array, degree: int) -> BSplineSurface:
-    """`collocate` for (x, y, z(x, y)), z of a column x and a row y; x and y are reproduced exactly, so u = x and v = y."""
+    """`collocate` for (x, y, z(x, y)); x and y are reproduced exactly, so u = x and v = y.
+
+    Parameters
+    ----------
+    height : callable
+        z of a column x (m, 1) and a row y (n,) -> (m, n), mm.
+    knots_x, knots_y : ndarray
+        Clamped, mm.
+    degree : int
+        In both directions.
+    """
     heights = _poles(lambda x, y: height(x[:, None], y)[..., None], knots_x, knots_y, degree)
     return graph(knots_x, knots_y, degree, heights[..., 0])
 
 
 def graph(knots_x: Array, knots_y: Array, degree: int, heights: Array) -> BSplineSurface:
-    """The surface (x, y, Σ N_i(x)·N_j(y)·heights_ij) with u = x, v = y: the Greville abscissae are the identity's poles."""
+    """The surface (x, y, Σ N_i(x)·N_j(y)·heights_ij) with u = x, v = y.
+
+    The Greville abscissae are the poles of the identity.
+
+    Parameters
+    ----------
+    knots_x, knots_y : ndarray
+        Clamped, mm.
+    degree : int
+        In both directions.
+    heights : ndarray
+        (n_x, n_y), mm.
+    """
     poles = np.empty((*heights.shape, 3))
     poles[..., 0] = greville_abscissae(knots_x, degree)[:, None]
     poles[..., 1] = greville_abscissae(knots_y, degree)
@@ -41,7 +77,17 @@ def graph(knots_x: Array, knots_y: Array, degree: int, heights: Array) -> BSplin
 
 
 def knot_vector(ends: Array, breaks: Sequence[tuple[float, int]], degree: int) -> Array:
-    """Clamped knots over the spans' ends, repeated at a break so that only its derivatives stay continuous."""
+    """Clamped knots over the ends of spans, repeated at a break so that only its derivatives stay continuous.
+
+    Parameters
+    ----------
+    ends : ndarray
+        (m + 1,), rising.
+    breaks : sequence
+        (x, continuous derivatives), each at one of the ends.
+    degree : int
+        Of the splines.
+    """
     orders = dict(breaks)
     inner = [[end] * max(1, min(degree, degree - orders.get(float(end), degree - 1))) for end in ends[1:-1]]
     return np.concatenate([[ends[0]] * (degree + 1), *inner, [ends[-1]] * (degree + 1)]).astype(np.float64)

@@ -18,9 +18,14 @@ DEGENERATE = 1e-8
 
 
 class ShapeOperator(NamedTuple):
-    """Components of the shape operator, 1/mm, convex positive, in the orthonormal tangent frame (e1, e2).
+    """The shape operator W at points, in the orthonormal tangent frame (e1, e2), 1/mm, convex positive.
 
     e2 lies in the plane x = const and points to +y, e1 = e2 × N points to +x.
+
+    Attributes
+    ----------
+    w11, w22, w12 : ndarray
+        kx, ky and twist, of one shape.
     """
 
     w11: Array  # kx
@@ -28,14 +33,27 @@ class ShapeOperator(NamedTuple):
     w12: Array  # twist
 
     def minus(self, other: ShapeOperator) -> ShapeOperator:
-        """Component by component: both are in the same frame."""
+        """Subtract component by component: both are in the same frame."""
         return ShapeOperator(*(a - b for a, b in zip(self, other, strict=True)))
 
 
 def normals(s_u: Array, s_v: Array) -> Array:
-    """Unit normals S_u × S_v/|S_u × S_v|, (…, 3); towards the driver when u runs right and v up.
+    """Unit normals S_u × S_v/|S_u × S_v|; towards the driver when u runs right and v up.
 
-    Raises: SurfaceError where |S_u × S_v| vanishes.
+    Parameters
+    ----------
+    s_u, s_v : ndarray
+        (…, 3).
+
+    Returns
+    -------
+    ndarray
+        (…, 3).
+
+    Raises
+    ------
+    SurfaceError
+        Where |S_u × S_v| vanishes.
     """
     cross = np.cross(s_u, s_v)
     length = np.linalg.norm(cross, axis=-1)
@@ -48,9 +66,21 @@ def normals(s_u: Array, s_v: Array) -> Array:
 
 
 def shape_operator(derivatives: dict[str, Array]) -> ShapeOperator:
-    """W(e_i, e_j) = −II(e_i, e_j) in the frame of `ShapeOperator`, from S_u … S_vv as `BSplineSurface` gives them.
+    """W(e_i, e_j) = −II(e_i, e_j) in the frame of `ShapeOperator`.
 
-    Source: M. do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3.
+    Parameters
+    ----------
+    derivatives : dict
+        S_u … S_vv, each (…, 3), as `BSplineSurface.derivatives` gives them.
+
+    Raises
+    ------
+    SurfaceError
+        Where S_u × S_v vanishes.
+
+    References
+    ----------
+    M. do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3.
     """
     s_u, s_v = derivatives["u"], derivatives["v"]
     normal = normals(s_u, s_v)
@@ -74,10 +104,15 @@ def shape_operator(derivatives: dict[str, Array]) -> ShapeOperator:
 
 
 def shape_operator_of_sag(d: SagDerivatives) -> ShapeOperator:
-    """The same for a height field z(x, y), where the components have closed forms.
+    """The shape operator of a height field z(x, y), in closed form.
 
     With p = z_x, q = z_y, m² = 1 + q², n² = 1 + p² + q²:  W22 = −z_yy/(m²n),
     W12 = −(m²·z_xy − pq·z_yy)/(m²n²),  W11 = −(m⁴·z_xx − 2pq·m²·z_xy + p²q²·z_yy)/(m²n³).
+
+    Parameters
+    ----------
+    d : SagDerivatives
+        z_x … z_yy, mm and 1/mm.
     """
     p, q = d.zx, d.zy
     m2 = 1.0 + q * q
@@ -92,23 +127,55 @@ def shape_operator_of_sag(d: SagDerivatives) -> ShapeOperator:
 
 
 def rms_norm(w: ShapeOperator, weights: Array) -> float:
-    """√(Σ weight·‖W‖²/Σ weight) with the Frobenius norm, 1/mm."""
+    """√(Σ weight·‖W‖²/Σ weight) with the Frobenius norm, 1/mm.
+
+    Parameters
+    ----------
+    w : ShapeOperator
+        Components (n,), 1/mm.
+    weights : ndarray
+        (n,), not negative.
+    """
     return float(np.sqrt(np.average(w.w11**2 + w.w22**2 + 2.0 * w.w12**2, weights=weights)))
 
 
 def principal_curvatures_of(w: ShapeOperator) -> tuple[Array, Array]:
-    """κ1 ≥ κ2: (W11 + W22)/2 ± √(((W11 − W22)/2)² + W12²), which loses no digits at umbilics."""
+    """κ1,2 = (W11 + W22)/2 ± √(((W11 − W22)/2)² + W12²), which loses no digits at umbilics.
+
+    Parameters
+    ----------
+    w : ShapeOperator
+        1/mm.
+
+    Returns
+    -------
+    tuple of ndarray
+        κ1 ≥ κ2, 1/mm, convex positive.
+    """
     mean = 0.5 * (w.w11 + w.w22)
     half_difference = np.hypot(0.5 * (w.w11 - w.w22), w.w12)
     return mean + half_difference, mean - half_difference
 
 
 def principal_curvatures(surface: BSplineSurface, u: ArrayLike, v: ArrayLike) -> Array:
-    """Signed principal curvatures of a surface at parameters (u, v).
+    """Signed principal curvatures of a surface: the eigenvalues of its shape operator.
 
-    κ1,2 are the eigenvalues of the shape operator.
-    Parameters: u, v of shapes that broadcast.   Returns: (…, 2) float64, 1/mm, convex positive, larger first.
-    Raises: SurfaceError where S_u × S_v vanishes or (u, v) lies outside the surface.
+    Parameters
+    ----------
+    surface : BSplineSurface
+        In mm.
+    u, v : array_like
+        Of shapes that broadcast.
+
+    Returns
+    -------
+    ndarray
+        (…, 2), 1/mm, convex positive, larger first.
+
+    Raises
+    ------
+    SurfaceError
+        Where S_u × S_v vanishes or (u, v) lies outside the surface.
     """
     return np.stack(principal_curvatures_of(shape_operator(surface.derivatives(u, v))), axis=-1)
 

@@ -55,8 +55,13 @@ RESIDUAL_CONTINUITY = (3, 2)
 class FaithfulSag:
     """z(x, y) = z_p(x) + r(x, y): the exact horizontal profile and a B-spline over (x, y).
 
-    residual : r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ₂, and of κ₁, whose
-    own share is in the profile, the slope's effect alone. So it has no crease, whose curvature least squares could not see.
+    Attributes
+    ----------
+    profile : Profile
+        z_p.
+    residual : BSplineSurface
+        r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ₂, and of κ₁, whose own
+        share is in the profile, the slope's effect alone. So it has no crease, whose curvature least squares could not see.
     """
 
     profile: Profile
@@ -80,7 +85,19 @@ class FaithfulSag:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One set of spans: what it reached and cost. shape_rms_percent is None for a plane."""
+    """One set of spans: what it reached and cost.
+
+    Attributes
+    ----------
+    spans : tuple
+        Along x and y, over the mirror's box.
+    unknowns, evaluations : int
+        Of the least squares.
+    shape_rms_percent : float or None
+        RMS deviation of the shape operator, percent of the designed RMS; None for a plane.
+    seconds : float
+        What it took.
+    """
 
     spans: tuple[int, int]
     unknowns: int
@@ -91,7 +108,21 @@ class Level:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Faithful:
-    """The closest surface, and how the deviation fell with the spans: where it stops falling is the laws' own floor."""
+    """The closest surface, and how its deviation fell with the spans: where it stops falling is the floor of the laws.
+
+    Attributes
+    ----------
+    sag : FaithfulSag
+        The surface.
+    degree : int
+        Of its B-spline.
+    ends : tuple of ndarray
+        The ends of its spans along x and y, mm.
+    levels : tuple of Level
+        One set of spans after the other.
+    settled : bool
+        Whether more spans gain nothing.
+    """
 
     sag: FaithfulSag
     degree: int
@@ -105,12 +136,30 @@ def closest_surface(curvature: DesignedCurvature, outline: Outline, start: Decou
                     spans: tuple[int, int] | str = "auto") -> Faithful:
     """The height field that minimises ∫‖W − diag(1/Rx, 1/Ry)‖² dx dy over the trimmed mirror (Frobenius norm).
 
-    W : the shape operator in the frame of `ShapeOperator`. Point and normal at the origin are those of `start`, the
-    decoupled surface, from which the Levenberg–Marquardt iteration of MINPACK sets out with analytic derivatives.
-    domain : where the surface is wanted, mm.   breaks : the derivatives of the residual that stay continuous at the laws' own.
-    spans : over the mirror's box, or "auto": raised until more gain nothing.
-    Sources: do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3 for W; J. Moré, The
-    Levenberg–Marquardt algorithm, Lecture Notes in Mathematics 630 (1978).
+    W is the shape operator in the frame of `ShapeOperator`.
+
+    Parameters
+    ----------
+    curvature : DesignedCurvature
+        1/Rx(x) and 1/Ry(x).
+    outline : Outline
+        What the mirror is trimmed to.
+    start : DecoupledSag
+        The decoupled surface, whose point and normal at the origin are kept, and from which the Levenberg–Marquardt iteration
+        of MINPACK sets out with analytic derivatives.
+    domain : tuple
+        (x_min, x_max, y_min, y_max) where the surface is wanted, mm.
+    breaks : sequence
+        (x, derivatives of the residual height that stay continuous there).
+    degree : int or "auto"
+        Of the B-spline.
+    spans : tuple or "auto"
+        Over the mirror's box; "auto" raises them until more gain nothing.
+
+    References
+    ----------
+    do Carmo, Differential Geometry of Curves and Surfaces, sections 3-2 and 3-3, for W; J. Moré, The Levenberg–Marquardt
+    algorithm, Lecture Notes in Mathematics 630 (1978).
     """
     rms = curvature.rms(outline)
     if not isinstance(degree, str):
@@ -273,9 +322,19 @@ class _Problem:
 
 
 def shape_operator_partials(p: Array, q: Array, r: Array, s: Array, t: Array) -> tuple[tuple[Array | None, ...], ...]:
-    """∂W11, ∂W22, ∂W12 by p = z_x, q = z_y, r = z_xx, s = z_xy, t = z_yy, each five; None where it vanishes.
+    """∂W11, ∂W22, ∂W12 by p = z_x, q = z_y, r = z_xx, s = z_xy, t = z_yy.
 
     Of the closed forms in `shape_operator_of_sag`, with m² = 1 + q² and n² = 1 + p² + q².
+
+    Parameters
+    ----------
+    p, q, r, s, t : ndarray
+        Of one shape, mm and 1/mm.
+
+    Returns
+    -------
+    tuple
+        Three of five each; None where a partial derivative vanishes.
     """
     m2 = 1.0 + q * q
     n2 = m2 + p * p
@@ -293,6 +352,7 @@ def shape_operator_partials(p: Array, q: Array, r: Array, s: Array, t: Array) ->
 
 
 def gauss_points(ends: Array) -> tuple[Array, Array]:
+    """Compute the Gauss-Legendre points and weights of every span between `ends`, rising."""
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
     half = 0.5 * np.diff(ends)[:, None]
     middle = 0.5 * (ends[:-1] + ends[1:])[:, None]

@@ -36,12 +36,12 @@ OUTSIDE_SHARE = 0.1
 MAX_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
 MAX_PATCHES = 10_000  # in all: seconds of work for each try, and more than a kernel likes
 # The spans are cut until the points looked at stay below this share of the tolerances: others may be a little worse.
-AIM = 0.7
+TARGET_FRACTION = 0.7
 ROUNDS = 24
 FIRST_SPANS = (8, 4)
 # A span that misses is cut into as many parts as its error asks for by the order of convergence, with some room for what
 # the neighbours add; not more than this at once, since far from the tolerance the order is not reached yet.
-ROOM, MAX_PARTS = 1.15, 6
+SAFETY_FACTOR, MAX_PARTS = 1.15, 6
 # A span is at most so many times as wide as its neighbour: through smooth knots the error of wide spans reaches into narrow
 # ones, and the second derivative divides it by their width squared.
 STEEPEST_GRADE = 4.0
@@ -53,7 +53,29 @@ MANY_SPANS = 96
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """A fitted surface and what it reached against its sag, measured off the nodes over the mirror's bounding box."""
+    """A fitted surface and what it reached against its sag, measured off the nodes over the mirror's bounding box.
+
+    Attributes
+    ----------
+    surface : BSplineSurface
+        u = x, v = y.
+    route : str
+        How it was fitted.
+    degree : int
+        In both directions.
+    spans : tuple
+        Along x and y.
+    position_error_mm : float
+        The largest.
+    curvature_error_percent : float or None
+        The largest of k1 and k2; None for a plane, which has no percent.
+    worst_at_mm : tuple
+        (x, y) of the largest error, of curvature where there is one.
+    seconds : float
+        What it took.
+    met : bool
+        Whether both tolerances hold.
+    """
 
     surface: BSplineSurface
     route: str
@@ -70,9 +92,20 @@ class Fit:
 class FitTask:
     """What has to be fitted: the sag, where it is needed, where it is judged, and its percent of curvature.
 
-    domain, judged : (x_min, x_max, y_min, y_max) mm.   breaks : where z(x, ·) has few derivatives, as (x, derivatives).
-    percent_of : x (n,) -> (n, 2), the curvature 1/mm that counts as 100 % for k1 and k2; zeros for a plane.
-    ends : the spans along x and y to begin with, which the sag itself has when it is a spline in part.
+    Attributes
+    ----------
+    sag : Sag
+        z(x, y).
+    domain, judged : tuple
+        (x_min, x_max, y_min, y_max), mm.
+    breaks : tuple
+        (x, continuous derivatives) where z(x, ·) has few of them.
+    percent_of : callable
+        x (n,) -> (n, 2), the curvature, 1/mm, that counts as 100 % for k1 and k2; zeros for a plane.
+    position_tolerance_mm, curvature_tolerance_percent : float
+        What the surface is to keep to.
+    ends : tuple of ndarray or None
+        The spans along x and y to begin with, which the sag itself has when it is a spline in part.
     """
 
     sag: Sag
@@ -85,7 +118,7 @@ class FitTask:
     ends: tuple[Array, Array] | None = None
 
     @cached_property
-    def places_of_small_curvature(self) -> Array:
+    def points_of_small_curvature(self) -> Array:
         """x where what counts as 100 % is a small share of its largest value: none for a law that keeps its size."""
         x = np.linspace(self.judged[0], self.judged[1], 2001)[1:-1]
         scale = self.percent_of(x)
@@ -95,9 +128,23 @@ class FitTask:
 
 def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], continuity: tuple[int, int],
                      width_mm: float) -> tuple[tuple[float, int], ...]:
-    """Continuous x-derivatives of a surface at each break: `continuity` more than of κ₁ and of κ₂, as (x, derivatives).
+    """Continuous x-derivatives of a surface at each break of its laws.
 
-    Breaks too near for a span between them, on a sheet of width_mm, are one: seen from afar that is two orders harder.
+    Breaks too near for a span between them are one: seen from afar that is two orders harder.
+
+    Parameters
+    ----------
+    horizontal, vertical : sequence of Break
+        Of κ₁ and of κ₂.
+    continuity : tuple
+        How many derivatives more than of κ₁ and of κ₂ stay continuous.
+    width_mm : float
+        Of the sheet.
+
+    Returns
+    -------
+    tuple
+        (x, continuous derivatives) of each break.
     """
     order: dict[float, int] = {}
     for breaks, more in zip((horizontal, vertical), continuity, strict=True):
@@ -116,9 +163,18 @@ def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], con
 
 
 def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] | str) -> Fit:
-    """Collocation, with the spans that miss the tolerances cut until all meet them.
+    """Collocate, with the spans that miss the tolerances cut until all meet them.
 
-    Spans stand at the law's breaks from the start. With degree and spans given, they are taken as they are.
+    Spans stand at the breaks of the law from the start.
+
+    Parameters
+    ----------
+    task : FitTask
+        What has to be fitted.
+    degree : int or "auto"
+        In both directions; "auto" is quintic, and septic where that needs many spans.
+    spans : tuple or "auto"
+        Along x and y. With both given, they are taken as they are.
     """
     start = time.perf_counter()
     first = DEGREE_FIRST if degree == "auto" else int(degree)
@@ -136,9 +192,25 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
 
 def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degree: int, count: int,
               most_soft: int = MAX_SOFT_BREAKS) -> Array:
-    """`count` spans between low and high, shared out over the stretches between breaks by their length.
+    """Share out spans between low and high over the stretches between breaks, by their length.
 
-    Where there are more than `most_soft` breaks, those of a table's nodes get no knots.
+    Parameters
+    ----------
+    low, high : float
+        mm.
+    breaks : sequence
+        (x, continuous derivatives).
+    degree : int
+        Of the splines.
+    count : int
+        Of spans, at least.
+    most_soft : int
+        Where there are more breaks than this, those of a table's nodes get no knots.
+
+    Returns
+    -------
+    ndarray
+        (n + 1,), rising, mm.
     """
     nearest = NEAREST_BREAKS * (high - low)
     hard = [(x, order) for x, order in breaks if order < degree and low + nearest < x < high - nearest]
@@ -166,7 +238,7 @@ def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft:
     narrowest = _narrowest_span(task, fit.surface)
     # Each direction by its own error first: what it misses at the sites of the other.
     for _ in range(ROUNDS):
-        if _excess(task, fit) <= AIM:
+        if _excess(task, fit) <= TARGET_FRACTION:
             return fit
         next_x, next_y = _cut(ends_x, misses.parts_x, narrowest), _cut(ends_y, misses.parts_y, narrowest)
         if _too_many(next_x, next_y) or (len(next_x), len(next_y)) == (len(ends_x), len(ends_y)):
@@ -175,7 +247,7 @@ def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft:
         fit, misses = _try(task, ends_x, ends_y, degree)
     # Then what only shows in both together (the mixed derivative): halve where it helps more.
     for _ in range(ROUNDS):
-        if _excess(task, fit) <= AIM:
+        if _excess(task, fit) <= TARGET_FRACTION:
             break
         more_x = _cut(ends_x, np.where(misses.over_x, 2, 1), narrowest)
         more_y = _cut(ends_y, np.full(len(ends_y) - 1, 2), narrowest)
@@ -208,7 +280,7 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
     knots = knot_vector(ends_x, task.breaks, degree), knot_vector(ends_y, (), degree)
     surface = collocate_height(task.sag.height, *knots, degree)
     x_min, x_max, y_min, y_max = task.judged
-    inside_x, span_x = _inside(ends_x, x_min, x_max, DENSEST_X, task.places_of_small_curvature)
+    inside_x, span_x = _inside(ends_x, x_min, x_max, DENSEST_X, task.points_of_small_curvature)
     inside_y, span_y = _inside(ends_y, y_min, y_max, DENSEST_Y)
     sites_x = _sites_within(surface.knots_u, degree, x_min, x_max)
     sites_y = _sites_within(surface.knots_v, degree, y_min, y_max)
@@ -276,7 +348,7 @@ def _parts(position: Array, bend: Array | None, axis: int, task: FitTask, degree
 def _most_of_each(parts: Array, span: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     largest = np.zeros(count)
     np.maximum.at(largest, span, parts)
-    asked = np.where(largest > 1.0, np.maximum(np.ceil(ROOM * largest), 2.0), 1.0)
+    asked = np.where(largest > 1.0, np.maximum(np.ceil(SAFETY_FACTOR * largest), 2.0), 1.0)
     return np.minimum(asked, MAX_PARTS).astype(np.int64)
 
 
@@ -322,10 +394,20 @@ def _excess(task: FitTask, fit: Fit) -> float:
 
 
 def measure(task: FitTask, surface: BSplineSurface, route: str) -> Fit:
-    """Position and curvature error of any surface with u = x, v = y, off the nodes over the judged rectangle."""
+    """Position and curvature error of any surface with u = x, v = y, off the nodes over the judged rectangle.
+
+    Parameters
+    ----------
+    task : FitTask
+        What was to be fitted.
+    surface : BSplineSurface
+        What came of it.
+    route : str
+        How it was fitted.
+    """
     x_min, x_max, y_min, y_max = task.judged
     x, _ = _inside(np.unique(np.clip(surface.knots_u, x_min, x_max)), x_min, x_max, DENSEST_X,
-                   task.places_of_small_curvature)
+                   task.points_of_small_curvature)
     y, _ = _inside(np.unique(np.clip(surface.knots_v, y_min, y_max)), y_min, y_max, DENSEST_Y)
     got = surface.on_grid(x, y)
     want = task.sag.derivatives(x[:, None], y)
@@ -349,7 +431,20 @@ def _sag_of(surface: BSplineSurface, x: Array, y: Array) -> SagDerivatives:
 
 
 def curvature_percent(got: ShapeOperator, want: ShapeOperator, percent_of: Array) -> Array | None:
-    """The larger of the two principal curvatures' errors in percent; None where nothing is curved."""
+    """The larger of the two principal curvatures' errors, percent.
+
+    Parameters
+    ----------
+    got, want : ShapeOperator
+        Components of one shape, 1/mm.
+    percent_of : ndarray
+        (…, 2), what counts as 100 %, 1/mm.
+
+    Returns
+    -------
+    ndarray or None
+        None where nothing is curved.
+    """
     if not np.any(percent_of > 0):
         return None
     errors = [np.abs(a - b) for a, b in zip(principal_curvatures_of(got), principal_curvatures_of(want), strict=True)]

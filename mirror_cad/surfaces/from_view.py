@@ -77,8 +77,9 @@ class ViewLevel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FromView:
-    """The surface that shows a view most nearly, and how what it misses fell with the spans: where that stops, no surface
-    shows it better.
+    """The surface that shows a view most nearly, and how what it misses fell with the spans.
+
+    Where that stops, no surface shows it better.
 
     eyes_rms_arcmin : of each eye alone.   settled : the last step changed nothing, and more spans would gain nothing.
     """

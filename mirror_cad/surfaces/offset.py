@@ -28,13 +28,34 @@ THINNEST_MM = 1e-3
 
 def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front",
                    ) -> tuple[BSplineSurface, float]:
-    """S − t·N behind a reflecting front, S + t·N before a reflecting back, as a B-spline on the same parameters, and its
-    largest distance from the true offset, mm.
+    """S − t·N behind a reflecting front, S + t·N before a reflecting back, as a B-spline on the same parameters.
 
-    Collocated on the surface's own knots, with spans halved until the tolerance holds.
-    Raises: SolidError where it does not, and for a thickness that makes no plate of this surface: below THINNEST_MM; where
-    the offset folds, which is at t·κ ≥ 1 (convex) for a back behind the optical face and at t·κ ≤ −1 (concave) for a
-    front before it; and where the glass is thicker than the radius it is bent to the other way.
+    Collocated on the surface's knots, with spans halved until the tolerance holds.
+
+    Parameters
+    ----------
+    surface
+        The optical face, S(u, v), mm.
+    outline
+        Inside which the tolerance holds.
+    thickness_mm
+        t, along the normals.
+    reflecting
+        Which face of the plate the optical one is.
+
+    Returns
+    -------
+    BSplineSurface
+        The other face.
+    float
+        Its largest distance from the true offset, mm.
+
+    Raises
+    ------
+    SolidError
+        Where the tolerance does not hold, and for a thickness that makes no plate of this surface: below THINNEST_MM;
+        where the offset folds, which is at t·κ ≥ 1 (convex) for a back behind the optical face and at t·κ ≤ −1 (concave)
+        for a front before it; and where the glass is thicker than the radius it is bent to in the opposite sense.
     """
     if not thickness_mm >= THINNEST_MM:
         raise SolidError(f"glass.thickness_mm = {thickness_mm:g} is below {THINNEST_MM:g} mm: front and back would be one "

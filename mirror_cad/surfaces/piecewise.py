@@ -38,7 +38,12 @@ ROUGHEST = 1e-6  # of the function's size: what may remain when the pieces run o
 class PiecewiseChebyshev:
     """f(x) = Σ_k c[i, k]·T_k(ξ) on [breaks[i], breaks[i+1]], ξ running from −1 to 1; continued by the end pieces.
 
-    breaks : (m + 1,) ascending.   coefficients : (m, n).
+    Attributes
+    ----------
+    breaks : ndarray
+        (m + 1,), rising.
+    coefficients : ndarray
+        c, (m, n).
     """
 
     breaks: Array
@@ -64,7 +69,13 @@ class PiecewiseChebyshev:
         return PiecewiseChebyshev(self.breaks, coefficients * scale[:, None])
 
     def integral(self, zero_at: float) -> PiecewiseChebyshev:
-        """F with F′ = f, continuous, and F(zero_at) = 0."""
+        """F with F′ = f, continuous, and F(zero_at) = 0.
+
+        Parameters
+        ----------
+        zero_at : float
+            Between the first and the last break.
+        """
         scale = 0.5 * np.diff(self.breaks)
         c = self.coefficients
         # ∫T_k = T_k+1/(2(k+1)) − T_k−1/(2(k−1)), and zero at ξ = −1.
@@ -82,7 +93,13 @@ class PiecewiseChebyshev:
         return PiecewiseChebyshev(self.breaks, primitive)
 
     def tight_breaks(self, width: float) -> list[float]:
-        """Points where pieces narrower than `width` stand: kinks and jumps that nobody announced."""
+        """Points where pieces narrower than `width` stand: kinks and jumps that nobody announced.
+
+        Parameters
+        ----------
+        width : float
+            Above 0.
+        """
         widths = np.diff(self.breaks)
         middles = 0.5 * (self.breaks[:-1] + self.breaks[1:])
         points: list[float] = []
@@ -113,12 +130,25 @@ class PiecewiseChebyshev:
 
 
 def approximate(function: Callable[[Array], Array], breaks: Sequence[float]) -> PiecewiseChebyshev:
-    """Halve the pieces between `breaks`, the worst one first, until each is a Chebyshev series to rounding error.
+    """Halve the pieces between breaks, the worst one first, until each is a Chebyshev series to rounding error.
 
-    `function` returns finite values for any x between the breaks. Interpolation at the Chebyshev points of the first kind
-    (never at the ends, so a jump at a break is harmless).
-    Raises: SurfaceError where MAX_PIECES do not bring the error below ROUGHEST of the function's size.
-    Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3, 4 and 8.
+    Interpolated at the Chebyshev points of the first kind, never at the ends, so a jump at a break is harmless.
+
+    Parameters
+    ----------
+    function : callable
+        (n,) -> (n,), finite for any x between the breaks.
+    breaks : sequence of float
+        Rising; the first and the last are the ends.
+
+    Raises
+    ------
+    SurfaceError
+        Where MAX_PIECES do not bring the error below ROUGHEST of the function's size.
+
+    References
+    ----------
+    L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3, 4 and 8.
     """
     nodes, to_coefficients = _nodes()
     smallest = 2.0 * SMALLEST_PIECE * (breaks[-1] - breaks[0])

@@ -15,10 +15,19 @@ Array = NDArray[np.float64]
 class Quadric:
     """A plane, sphere or cylinder in a frame of its own, parametrised as STEP (ISO 10303-42) does.
 
-    plane: S = C + u·X + v·Y.   sphere: S = C + R·cos v·(cos u·X + sin u·Y) + R·sin v·Z.
-    cylinder: S = C + R·(cos u·X + sin u·Y) + v·Z.   u of sphere and cylinder, and v of the sphere, in radians.
+    Plane: S = C + u·X + v·Y. Sphere: S = C + R·cos v·(cos u·X + sin u·Y) + R·sin v·Z.
+    Cylinder: S = C + R·(cos u·X + sin u·Y) + v·Z. u of sphere and cylinder, and v of the sphere, are in radians.
 
-    centre (3,) mm : C.   axes (3, 3) : rows X, Y, Z, orthonormal, right- or left-handed.   radius_mm : R; 0 for a plane.
+    Attributes
+    ----------
+    kind : str
+        "plane", "sphere" or "cylinder".
+    centre : ndarray
+        C, (3,), mm.
+    axes : ndarray
+        (3, 3), rows X, Y, Z, orthonormal, right- or left-handed.
+    radius_mm : float
+        R; 0 for a plane.
     """
 
     kind: Literal["plane", "sphere", "cylinder"]
@@ -27,7 +36,13 @@ class Quadric:
     radius_mm: float
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
-        """Points S(u, v), (…, 3) mm."""
+        """Points S(u, v), (…, 3), mm.
+
+        Parameters
+        ----------
+        u, v : array_like
+            Of shapes that broadcast; mm or radians, as the kind has them.
+        """
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         if self.kind == "plane":
             local = np.stack([u, v, np.zeros_like(u)], axis=-1)

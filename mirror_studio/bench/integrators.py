@@ -61,6 +61,7 @@ class Case:
 
     @staticmethod
     def of(law: CurvatureLaw) -> Case:
+        """The case of one law over the width of the benchmark."""
         kappa = law.series(-HALF_WIDTH_MM, HALF_WIDTH_MM)
         x = np.linspace(-HALF_WIDTH_MM, HALF_WIDTH_MM, PLACES)
         return Case(law, kappa, chebyshev_quadrature(kappa), x, law.function(x), *reference_heights(law))

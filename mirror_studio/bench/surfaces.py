@@ -52,6 +52,7 @@ class Judge:
 
     @staticmethod
     def of(mirror: Mirror) -> Judge:
+        """What judges surfaces of this mirror."""
         grid = Grid.over(mirror.outline)
         used = grid.weights == 0.0
         used[::THINNED] = True
@@ -76,8 +77,9 @@ class Judge:
 
 
 def at_places(surface: BSplineSurface, x: Array, y: Array) -> dict[str, Array]:
-    """`derivatives` at the parameters whose point has these (x, y): Newton, from where they would be were they linear in
-    (x, y). For a surface with u = x, v = y that is where it begins.
+    """`derivatives` at the parameters whose point has these (x, y).
+
+    Newton, from where they would be were they linear in (x, y). For a surface with u = x, v = y that is where it begins.
     """
     u_min, u_max, v_min, v_max = surface.domain
     (x0, y0, _), (x1, y1, _) = surface.evaluate([u_min, u_max], [v_min, v_max])

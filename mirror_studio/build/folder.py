@@ -24,8 +24,10 @@ MANIFEST = "manifest.json"
 
 @contextlib.contextmanager
 def new_set(out: Path) -> Iterator[Path]:
-    """A fresh folder to write into; on leaving without an error it becomes `out`, and files in `out` that were not of
-    the former set are carried over. On an error `out` stays as it was and nothing is left behind.
+    """A fresh folder to write into.
+
+    On leaving without an error it becomes `out`, and files in `out` that were not of the former set are carried over. On an
+    error `out` stays as it was and nothing is left behind.
 
     Raises: SpecError where `out` cannot be such a folder; WriteError where the disk is full or a rename fails.
     """

@@ -25,7 +25,8 @@ def table_1(metrics: Mapping[str, Metrics]) -> dict[str, PaperRow]:
 
     Parameters
     ----------
-    metrics : by the names of the mirrors; those of table 1 must be there.
+    metrics
+        By the names of the mirrors; those of table 1 must be there.
     """
     return {name: PaperRow(Compared(metrics[name].h_fov_deg.section, h_fov),
                            Compared(metrics[name].v_fov_left_deg.section, v_fov),

@@ -23,8 +23,10 @@ class FieldOfView:
 
     Attributes
     ----------
-    section : of the section alone, with the eye on the axis through its centre.
-    traced : with the eye where it sits.
+    section
+        Of the section alone, with the eye on the axis through its centre.
+    traced
+        With the eye where it sits.
     """
 
     section: float | None = None
@@ -37,8 +39,10 @@ class LaneFigures:
 
     Attributes
     ----------
-    traced : by exact rays.
-    image : from the driver's picture.
+    traced
+        By exact rays.
+    image
+        From the driver's picture.
     """
 
     traced: float | None = None
@@ -51,8 +55,10 @@ class OnPlane:
 
     Attributes
     ----------
-    max_mm, rms_mm : None without a ray that both reflect.
-    rays : how many were compared.
+    max_mm, rms_mm
+        None without a ray that both reflect.
+    rays
+        How many were compared.
     """
 
     max_mm: float | None = None
@@ -83,10 +89,14 @@ class FileChecks:
 
     Attributes
     ----------
-    step : the STEP file.
-    sheet_max_mm : farthest point of the untrimmed sheet, mm.
-    outline_box_mm : the outline's box, mm.
-    points : rows of the table of points.
+    step
+        The STEP file.
+    sheet_max_mm
+        Farthest point of the untrimmed sheet, mm.
+    outline_box_mm
+        The outline's box, mm.
+    points
+        Rows of the table of points.
     """
 
     step: StepCheck
@@ -101,10 +111,14 @@ class GlassFigures:
 
     Attributes
     ----------
-    reflecting : "back".
-    index : of refraction.
-    ghost : the front's own reflection beside the image.
-    h_fov_added_deg : horizontal field of view against that without glass, degrees.
+    reflecting
+        "back".
+    index
+        Of refraction.
+    ghost
+        The front's own reflection beside the image.
+    h_fov_added_deg
+        Horizontal field of view against that without glass, degrees.
     """
 
     reflecting: Literal["front", "back"]
@@ -119,9 +133,12 @@ class MethodFigures:
 
     Attributes
     ----------
-    deviation : from the design, as `total` in deviation.json.
-    h_fov_deg, v_fov_left_deg : traced fields of view, degrees.
-    lane_straightness_percent : traced.
+    deviation
+        From the design, as `total` in deviation.json.
+    h_fov_deg, v_fov_left_deg
+        Traced fields of view, degrees.
+    lane_straightness_percent
+        Traced.
     """
 
     deviation: StageDeviation
@@ -136,11 +153,16 @@ class MethodChange:
 
     Attributes
     ----------
-    sag_max_mm, sag_max_at_mm, sag_rms_mm : height moved, with point and normal at the origin held, mm.
-    sag_best_fit_max_mm : height moved after the best fit of a rigid motion, mm.
-    slope_max_arcmin : the normal's turn, arc minutes.
-    ray_max_arcmin, ray_rms_arcmin : the reflected ray's turn, arc minutes.
-    on_plane_max_mm, on_plane_rms_mm : between where rays land on the lane's plane, mm.
+    sag_max_mm, sag_max_at_mm, sag_rms_mm
+        Height moved, with point and normal at the origin held, mm.
+    sag_best_fit_max_mm
+        Height moved after the best fit of a rigid motion, mm.
+    slope_max_arcmin
+        The normal's turn, arc minutes.
+    ray_max_arcmin, ray_rms_arcmin
+        The reflected ray's turn, arc minutes.
+    on_plane_max_mm, on_plane_rms_mm
+        Between where rays land on the lane's plane, mm.
     """
 
     sag_max_mm: float
@@ -160,9 +182,12 @@ class MethodComparison:
 
     Attributes
     ----------
-    decoupled, faithful : each by itself.
-    change : from the first to the second.
-    floor : how the faithful surface's deviation fell with its spans.
+    decoupled, faithful
+        Each by itself.
+    change
+        From the first to the second.
+    floor
+        How the faithful surface's deviation fell with its spans.
     """
 
     decoupled: MethodFigures
@@ -181,18 +206,30 @@ class Metrics:
 
     Attributes
     ----------
-    h_fov_deg, v_fov_left_deg : fields of view across, and upright at the left edge.
-    lane_straightness_percent : of the lane on the reference plane.
-    stl_on_plane, stl_interpolated_on_plane : what the STL does to rays, by its facets and by interpolated normals.
-    measures : the registered measures by their names, each in its own unit.
-    explained, ray_deviation : the budget of errors, from the deviation.
-    methods : the decoupled and the faithful surface side by side.
-    rays : how many rays of the driver's picture had which status.
-    eye_mm : (x, y, z) of the eye.
-    plate, files : the solid, and the files read back.
-    glass : only where the back reflects.
-    limits : what [limits] asks of the view.
-    target : what the mirror misses of the view that it was made for; None for a mirror from laws.
+    h_fov_deg, v_fov_left_deg
+        Fields of view across, and upright at the left edge.
+    lane_straightness_percent
+        Of the lane on the reference plane.
+    stl_on_plane, stl_interpolated_on_plane
+        What the STL does to rays, by its facets and by interpolated normals.
+    measures
+        The registered measures by their names, each in its own unit.
+    explained, ray_deviation
+        The budget of errors, from the deviation.
+    methods
+        The decoupled and the faithful surface side by side.
+    rays
+        How many rays of the driver's picture had which status.
+    eye_mm
+        (x, y, z) of the eye.
+    plate, files
+        The solid, and the files read back.
+    glass
+        Only where the back reflects.
+    limits
+        What [limits] asks of the view.
+    target
+        What the mirror misses of the view that it was made for; None for a mirror from laws.
     """
 
     h_fov_deg: FieldOfView = FieldOfView()
@@ -219,13 +256,20 @@ class TraceMetrics:
 
     Attributes
     ----------
-    h_fov_deg : between the outline's edges, degrees; None where it cannot be measured.
-    lane_straightness_percent : of the lane on the reference plane.
-    rays : how many rays of the driver's picture had which status.
-    normals_from : what the normals were taken from.
-    eye_mm : (x, y, z) of the eye.
-    box_mm : (x_min, x_max, y_min, y_max) of what reflects.
-    placement : where the mirror is in its file.
+    h_fov_deg
+        Between the outline's edges, degrees; None where it cannot be measured.
+    lane_straightness_percent
+        Of the lane on the reference plane.
+    rays
+        How many rays of the driver's picture had which status.
+    normals_from
+        What the normals were taken from.
+    eye_mm
+        (x, y, z) of the eye.
+    box_mm
+        (x_min, x_max, y_min, y_max) of what reflects.
+    placement
+        Where the mirror is in its file.
     """
 
     h_fov_deg: float | None
@@ -243,10 +287,14 @@ class Manifest:
 
     Attributes
     ----------
-    spec : the specification as JSON; None where it is not known.
-    versions : of the packages.
-    notes : what a user should know of the mirror.
-    files : SHA-256 of each file by its name.
+    spec
+        The specification as JSON; None where it is not known.
+    versions
+        Of the packages.
+    notes
+        What a user should know of the mirror.
+    files
+        SHA-256 of each file by its name.
     """
 
     spec: JsonObject | None = None
@@ -261,8 +309,10 @@ class Built:
 
     Attributes
     ----------
-    mirror, deviation, metrics : the mirror, its deviation and what was measured.
-    missed : a sentence for each tolerance or limit that is not met.
+    mirror, deviation, metrics
+        The mirror, its deviation and what was measured.
+    missed
+        A sentence for each tolerance or limit that is not met.
     """
 
     mirror: Mirror

@@ -36,8 +36,10 @@ RIM_CHORD_MM = 0.02  # of the outline: far below a pixel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fan:
-    """Rays that the mirror reflects: starts (3,) at the eye, points (n, 3) on the mirror, ends (n, 3) on the reference plane,
-    or as far away where a ray does not meet it; incidence (n,) degrees.
+    """Rays that the mirror reflects.
+
+    Starts (3,) at the eye, points (n, 3) on the mirror, ends (n, 3) on the reference plane, or as far away where a ray does not
+    meet it; incidence (n,) degrees.
     """
 
     eye: Array

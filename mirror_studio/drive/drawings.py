@@ -64,8 +64,9 @@ def mirror_axes(axes: Axes, reflector: Reflector, title: str, labels: bool) -> N
 
 
 def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
-    """Horizontal and vertical magnification, their ratio and the binocular disparity: a row for each mirror, one scale for
-    all of them in a column.
+    """Horizontal and vertical magnification, their ratio and the binocular disparity.
+
+    A row for each mirror, one scale for all of them in a column.
     """
     columns: Any = (("horizontal magnification", lambda m: m.magnification.magnification.horizontal, "viridis", None),
                     ("vertical magnification", lambda m: m.magnification.magnification.vertical, "viridis", None),
@@ -95,8 +96,10 @@ def magnification_maps(path: Path, mirrors: Sequence[Measured]) -> None:
 
 
 def line_drawings(path: Path, mirrors: Sequence[Measured]) -> float:
-    """What a 1° grid of the far world, the horizon, lane lines and the column look like in each mirror, seen from between
-    the eyes. Returns the picture's width as a share of the page's, at which its text is as large as that of the others.
+    """What a 1° grid of the far world, the horizon, lane lines and the column look like in each mirror.
+
+    Seen from between the eyes. Returns the picture's width as a share of the page's, at which its text is as large as that of
+    the others.
     """
     columns, rows = min(len(mirrors), MAX_BESIDE), 1 + (len(mirrors) - 1) // MAX_BESIDE
     width = min(WIDEST_PANEL, PAGE_WIDTH / columns)
@@ -234,4 +237,5 @@ def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG."""
     figure.savefig(path, dpi=DPI, metadata={"Software": None})

@@ -24,8 +24,9 @@ def footprint(vertices: Array) -> Array:
 
 
 def without_cuts(outline: Array) -> Array:
-    """A closed outline (n, 2), mm, broken by rows of NaN where it runs across the road: there it only touches the next of its
-    eye's outlines, or the plan ends.
+    """A closed outline (n, 2), mm, broken by rows of NaN where it runs across the road.
+
+    There it only touches the next of its eye's outlines, or the plan ends.
     """
     closed = np.concatenate([outline, outline[:1]])
     step = np.abs(np.diff(closed, axis=0))

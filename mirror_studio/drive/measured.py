@@ -150,8 +150,9 @@ def shown_round(views: EyeViews) -> Orientation:
 
 
 def main_figures(mirror: DrivenMirror, asked: Asked) -> dict[str, float | bool | None]:
-    """The figures whose changes are worth following while a mirror is turned or bent; None for what it does not show.
-    blind_endless : whether the blind zone goes on where looking ends.
+    """The figures whose changes are worth following while a mirror is turned or bent.
+
+    None for what it does not show. blind_endless : whether the blind zone goes on where looking ends.
     """
     found: dict[str, float | bool | None] = dict.fromkeys(
         ("horizon_either_deg", "flank_share", "horizon_share", "width_at_20_m", "blind_length_m", "blind_endless"))
@@ -255,8 +256,9 @@ def _blind(measured: Measured) -> dict[str, Any]:
 
 
 def turned_figures(measured: Measured) -> dict[str, Any]:
-    """What a mirror shows while it is turned about its aim. Azimuths from straight rearward, positive to the vehicle's right,
-    as those of the fields are.
+    """What a mirror shows while it is turned about its aim.
+
+    Azimuths from straight rearward, positive to the vehicle's right, as those of the fields are.
     """
     turned = measured.coverage
     side = -1.0 if measured.mirror.pose.hand == "left" else 1.0

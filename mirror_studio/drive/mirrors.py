@@ -105,8 +105,9 @@ def driven_mirror(name_or_path: str, scene: SceneFile, place: Place = "auto") ->
 
 
 def reflector_named(name_or_path: str, place: Place = "auto") -> tuple[str, Reflector, MirrorSpec | None]:
-    """Read or design a mirror: its name, what reflects, and what it was designed from, if it was. A designed one is as read
-    back from its STEP file.
+    """Read or design a mirror: its name, what reflects, and what it was designed from, if it was.
+
+    A designed one is as read back from its STEP file.
 
     Raises: MirrorError that says what is wrong with it.
     """

@@ -48,8 +48,9 @@ class World:
 
     @property
     def left_out(self) -> list[str]:
-        """What is left out of the scene, a line each: the host vehicle's own door mirror, and what of bodies' looks is not
-        drawn.
+        """What is left out of the scene, a line each.
+
+        The host vehicle's own door mirror, and what of bodies' looks is not drawn.
         """
         own = [] if self._door_mirror is None else [f"{self._door_mirror}; own_vehicle.keep_mirror = true keeps it"]
         return own + sorted({body.left_out for body in self.bodies} - {""})
@@ -96,8 +97,9 @@ def eye_picture(mirror: DrivenMirror, view: View, world: World, beside: Lit, wid
 
 
 def camera_at(mirror: DrivenMirror, view: View, width: int, height: int) -> tuple[Camera, float]:
-    """A camera at an eye, in mirror coordinates, that holds the mirror as the middle eye sees it with ROOM around it; and
-    its pixel, radians. All mirrors of one size and place are seen at one scale.
+    """A camera at an eye, in mirror coordinates, that holds the mirror as the middle eye sees it with ROOM around it.
+
+    With its pixel, radians. All mirrors of one size and place are seen at one scale.
     """
     x_min, x_max, y_min, y_max = mirror.views.middle.box
     corners = np.array([[x, y, 0.0] for x in (x_min, x_max) for y in (y_min, y_max)])

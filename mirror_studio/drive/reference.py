@@ -46,8 +46,10 @@ def write_reference(scene: SceneFile, out: Path, progress: Progress) -> JsonObje
 
 def reference_picture(scene: SceneFile, world: World, progress: Callable[[float], None] | None = None,
                       width_px: int = WIDTH_PX) -> Picture:
-    """What a camera in the mirror's place, looking straight rearward, sees of the world, over a part of the plane DISTANCE_MM
-    behind the paper's eye. Its right lies at −X, as a rear-facing camera has it.
+    """What a camera in the mirror's place, looking straight rearward, sees of the world.
+
+    The picture is of a part of the plane DISTANCE_MM behind the paper's eye. Its right lies at −X, as a rear-facing camera has
+    it.
     """
     size = WIDTH_MM / width_px
     pose = pose_of(scene)

@@ -18,9 +18,10 @@ Figures = dict[str, float | bool | None]
 
 
 def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures], over_mm: float) -> dict[str, Figures]:
-    """Figures of the mirror with its yaw and pitch changed by ±TURN_DEG, and with all its radii changed by ±RADII at the
-    same yaw and pitch; the latter only for a mirror that was designed by laws. What the mirror no longer shows is
-    None.
+    """Figures of the mirror with its yaw and pitch changed by ±TURN_DEG.
+
+    Likewise with all its radii changed by ±RADII at the same yaw and pitch; the latter only for a mirror that was designed by
+    laws. What the mirror no longer shows is None.
     """
     turn = math.radians(TURN_DEG)
     found = {"as aimed": figures(mirror)}
@@ -36,8 +37,9 @@ def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures]
 
 
 def with_radii(spec: MirrorSpec, factor: float) -> MirrorSpec:
-    """The specification with every radius of both laws `factor` times as large; a parameter that was solved for keeps the
-    value that it had.
+    """The specification with every radius of both laws `factor` times as large.
+
+    A parameter that was solved for keeps the value that it had.
     """
     horizontal = with_solved(spec.horizontal, design(spec).matched)
     return spec.model_copy(update={"horizontal": horizontal.scaled(factor), "vertical": spec.vertical.scaled(factor)})

@@ -39,8 +39,9 @@ def own_vehicle_of(scene: SceneFile) -> HostVehicle:
 
 
 def pose_of(scene: SceneFile) -> Pose:
-    """Where the mirror is, with the scene's yaw and pitch, or straight where it is aimed. The scene's place of a right-hand
-    mirror is its own, not that of the left one it is the reflection of.
+    """Where the mirror is, with the scene's yaw and pitch, or straight where it is aimed.
+
+    The scene's place of a right-hand mirror is its own, not that of the left one it is the reflection of.
     """
     mirror = scene.mirror
     side = np.array([1.0, -1.0 if mirror.hand == "right" else 1.0, 1.0])

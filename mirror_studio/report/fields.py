@@ -59,10 +59,12 @@ class DeviationFields:
 
     @property
     def largest(self) -> float:
+        """The largest deviation in size, in `unit`."""
         return max(float(np.abs(field).max()) for field in self.values.values())
 
     @property
     def scale(self) -> float:
+        """The one scale of all, ± in `unit`."""
         least = MIN_PERCENT if self.unit == "%" else MIN_CURVATURE_PER_M
         largest = max(self.largest, least)
         return largest if self.limit is None or self.limit_is_far else max(largest, 1.1 * self.limit)
@@ -102,9 +104,12 @@ def deviation_in(unit: str, realised: ShapeOperator, designed: ShapeOperator, rm
 
     Parameters
     ----------
-    unit : "%" or "1/m".
-    realised, designed : (n,) each, 1/mm.
-    rms : of the designed curvature over the mirror, 1/mm, above 0 for percent.
+    unit
+        "%" or "1/m".
+    realised, designed
+        (n,) each, 1/mm.
+    rms
+        Of the designed curvature over the mirror, 1/mm, above 0 for percent.
     """
     per_mm = differences(realised, designed)
     return percent_of(per_mm, designed, rms) if unit == "%" else CurvatureFields(*(1e3 * value for value in per_mm))

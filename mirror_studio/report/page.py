@@ -73,10 +73,14 @@ def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metr
 
     Parameters
     ----------
-    path : of the file to write.
-    mirror, deviation, metrics, manifest : what the report is about; what `metrics` does not have is left out.
-    driver_view_png : the bytes of the driver's picture.
-    findings : what the report finds beyond deviation and metrics.
+    path
+        Of the file to write.
+    mirror, deviation, metrics, manifest
+        What the report is about; what `metrics` does not have is left out.
+    driver_view_png
+        The bytes of the driver's picture.
+    findings
+        What the report finds beyond deviation and metrics.
     """
     pairs = pairs_of(deviation)
     limit, surface, fields = mirror.spec.limits.curvature_percent, mirror.spec.surface, findings.fields

@@ -50,10 +50,14 @@ def write_index(path: Path, mirrors: Sequence[Built], table1: Mapping[str, Paper
 
     Parameters
     ----------
-    path : of the file to write.
-    mirrors : all mirrors, each with a folder of its name beside the page.
-    table1 : ours and the paper's, by the names of the progressive mirrors.
-    figures : the file of “fig5” and of “fig6”, beside the page.
+    path
+        Of the file to write.
+    mirrors
+        All mirrors, each with a folder of its name beside the page.
+    table1
+        Ours and the paper's, by the names of the progressive mirrors.
+    figures
+        The file of “fig5” and of “fig6”, beside the page.
     """
     rows = [_mirror_row(mirror) for mirror in mirrors]
     page = templates().get_template("index.html.j2").render(

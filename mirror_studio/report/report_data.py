@@ -36,9 +36,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportData:
-    """fields, shares : deviations as drawn, and by area.   uncertainty, requirements, probe, cuts, change : as their modules
-    have them.   lane : the lane's image, None where it does not cross the mirror.   maps : columns over the grid of points.
-    measures : every number of metrics.json under its keys.   seen : what the eye looks at.
+    """What the report finds in a mirror beyond deviation and metrics.
+
+    Attributes
+    ----------
+    fields, shares
+        Deviations as drawn, and by area.
+    measures
+        Every number of metrics.json under its keys.
+    uncertainty, requirements, probe, cuts, change
+        As their modules have them.
+    lane
+        The lane's image, None where it does not cross the mirror.
+    maps
+        Columns over the grid of points.
+    seen
+        What the eye looks at.
     """
 
     fields: DeviationFields

@@ -22,12 +22,18 @@ class SideBySide:
 
     Attributes
     ----------
-    columns : each method, and whether the mirror is built by it.
-    flat : whether the design is a plane.
-    curvatures : each curvature with RMS and largest deviation by both methods.
-    views, change : what the driver sees by both, and how far the surfaces are apart.
-    exchange, floor : sentences on what is gained and lost, and on what no surface can do.
-    built, other : the two methods.
+    columns
+        Each method, and whether the mirror is built by it.
+    flat
+        Whether the design is a plane.
+    curvatures
+        Each curvature with RMS and largest deviation by both methods.
+    views, change
+        What the driver sees by both, and how far the surfaces are apart.
+    exchange, floor
+        Sentences on what is gained and lost, and on what no surface can do.
+    built, other
+        The two methods.
     """
 
     columns: list[tuple[str, bool]]
@@ -46,9 +52,12 @@ def side_by_side(methods: MethodComparison | None, built: str, distance_mm: floa
 
     Parameters
     ----------
-    methods : both surfaces as measured.
-    built : the method that the mirror is built by.
-    distance_mm : from the eye to the lane's plane, mm.
+    methods
+        Both surfaces as measured.
+    built
+        The method that the mirror is built by.
+    distance_mm
+        From the eye to the lane's plane, mm.
     """
     if methods is None:
         return None

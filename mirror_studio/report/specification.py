@@ -18,8 +18,9 @@ def specification_rows(spec: MirrorSpec) -> list[list[tuple[str, str]]]:
 
 
 def in_effect(spec: MirrorSpec) -> dict[str, Any]:
-    """A specification without the keys that have no effect beside others: an outline file replaces the sizes, glass before
-    nothing has no index, the kernel's fits choose their own degree and spans.
+    """A specification without the keys that have no effect beside others.
+
+    An outline file replaces the sizes, glass before nothing has no index, the kernel's fits choose their own degree and spans.
     """
     found = spec.model_dump()
     if spec.outline.file is not None:

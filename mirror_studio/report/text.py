@@ -70,8 +70,10 @@ def given(value: float, unit: str) -> str:
 
 
 def decimals_telling(value: float, limit: float, met: bool, decimals: int) -> int:
-    """Decimals, `decimals` at least, to which a value is rounded on the side of its limit on which it is: 4.6413 beside a limit
-    of 4.641 is not "4.64". A value that meets its limit may be rounded onto it; one that misses it may not.
+    """Decimals, `decimals` at least, to which a value is rounded on the side of its limit on which it is.
+
+    4.6413 beside a limit of 4.641 is not "4.64". A value that meets its limit may be rounded onto it; one that misses it may
+    not.
     """
     return _telling(value, limit, met, range(decimals, MAX_DECIMALS), lambda size, n: round(size, n))
 

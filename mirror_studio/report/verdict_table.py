@@ -47,6 +47,7 @@ class Requirement:
 
     @property
     def met(self) -> bool | None:
+        """Whether the limit is kept; None without one, False where nothing could be measured."""
         return None if self.margin is None else self.margin >= 0.0
 
 

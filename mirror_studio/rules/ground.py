@@ -145,8 +145,7 @@ def missing_ground(left: View, right: View, required: RequiredGround) -> Missing
 
 
 def hidden_share(left: View, right: View, required: RequiredGround, host: HostVehicle) -> float:
-    """Compute the share of a field that either eye would see in the mirror but for the vehicle's box, over 100 m of it at
-    most."""
+    """Compute the share of a field that either eye would see in the mirror but for the vehicle's box, over 100 m of it."""
     edges = edge_of(left), edge_of(right)
     ends = np.minimum(required.x, required.x[0] + OBSTRUCTED_OVER_MM)
     ends = np.unique(ends)
@@ -160,8 +159,10 @@ def hidden_share(left: View, right: View, required: RequiredGround, host: HostVe
 
 
 def integral(width: Widths, ends: Array, share: float = 0.0) -> float:
-    """Integrate a function of X over panels between `ends`, rising, by Lobatto's rule of five points, whose ends tell what is
-    narrow there too; panels are halved until halves agree to AREA_MM2, or to a share of all."""
+    """Integrate a function of X over panels between `ends`, rising, by Lobatto's rule of five points.
+
+    Its ends tell what is narrow there too. Panels are halved until halves agree to AREA_MM2, or to a share of all.
+    """
     panels = np.concatenate([_graded(a, b) for a, b in pairwise(ends)])
     total, values = 0.0, _lobatto(width, panels)
     for _ in range(MAX_ROUNDS):

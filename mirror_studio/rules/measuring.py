@@ -133,8 +133,10 @@ class Measured:
         return self._read(self.centre[None], ALONG_X)
 
     def _at_three_points(self) -> Radii:
-        """At 1/3, 1/2 and 2/3 of the upright arc through the centre, or of the level one where that is longer; along it and
-        across (UN Regulation No. 46, Annex 7)."""
+        """At 1/3, 1/2 and 2/3 of the upright arc through the centre, or of the level one where that is longer.
+
+        Along it and across (UN Regulation No. 46, Annex 7).
+        """
         arcs = [self._arc(axis) for axis in (ALONG_Y, ALONG_X)]
         lengths = [float(length[-1]) for _, length in arcs]
         which = 1 if lengths[1] > lengths[0] else 0
@@ -220,8 +222,10 @@ class Measured:
 
     @cached_property
     def facets_percent(self) -> float:
-        """By how much of a radius facets may spoil a reading, percent: their sag e²/(8R), twice, over the instrument's
-        C²/(8R)."""
+        """By how much of a radius facets may spoil a reading, percent.
+
+        Their sag e²/(8R), twice, over the instrument's C²/(8R).
+        """
         facet = 0.5 * self.reflector.surface.resolution_mm
         return 200.0 * (facet / self.leg_mm) ** 2
 

@@ -36,10 +36,12 @@ class Inscribed:
 
     @property
     def width(self) -> float:
+        """Along x, mm."""
         return self.x_max - self.x_min
 
     @property
     def height(self) -> float:
+        """Along y, mm."""
         return self.y_max - self.y_min
 
 
@@ -159,8 +161,10 @@ def contains(corners: Array, x: float, y: float) -> bool:
 
 
 def inscribed_circle(polygon: Array) -> float:
-    """Find the diameter of the largest circle within a polygon (n, 2), mm: the farthest point from its edges, on closer and
-    closer grids."""
+    """Find the diameter of the largest circle within a polygon (n, 2), mm.
+
+    The farthest point from its edges, on closer and closer grids.
+    """
     sides = Polygon.of(polygon)
     a, way = polygon, np.roll(polygon, -1, axis=0) - polygon
     squared = np.einsum("ij,ij->i", way, way)

@@ -37,8 +37,10 @@ class ReadingError(MirrorError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stands:
-    """n places of the instrument: points and unit normals (n, 3), and unit directions (n, 3) across them that its feet lie
-    along."""
+    """n places of the instrument.
+
+    Points and unit normals (n, 3), and unit directions (n, 3) across them that its feet lie along.
+    """
 
     points: Array
     normals: Array

@@ -67,8 +67,9 @@ class Designed:
 
     @cached_property
     def maps(self) -> dict[str, Array]:
-        """Over the box, (columns, rows): height (mm), kx and ky (1/m), and the deviation of k1 and k2 (%); the laws asked
-        for and those realised along y = 0, (n,), 1/m; the outline (n, 2), mm.
+        """Over the box, (columns, rows): height (mm), kx and ky (1/m), and the deviation of k1 and k2 (%).
+
+        The laws asked for and those realised along y = 0, (n,), 1/m; the outline (n, 2), mm.
         """
         mirror = self.mirror
         x_min, x_max, y_min, y_max = mirror.box
@@ -251,8 +252,10 @@ def jpeg(picture: Picture, quality: int) -> bytes:
 
 
 def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
-    """What the ray through (x, y) mm of the picture plane does: where it meets the mirror and lands, and by how much the
-    mirror magnifies far things there against a flat one, across and up; None where it meets no mirror.
+    """What the ray through (x, y) mm of the picture plane does.
+
+    Where it meets the mirror and lands, and by how much the mirror magnifies far things there against a flat one, across and
+    up; None where it meets no mirror.
     """
     turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
     eyes = eyes_of(one.setting.eye, look)

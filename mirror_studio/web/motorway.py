@@ -41,6 +41,7 @@ class MountParameters(NamedTuple):
 
     @staticmethod
     def of(look: ViewSettings) -> MountParameters:
+        """What the page asks of the mount."""
         return MountParameters(look.hand, look.flank_share, look.horizon_share, (look.eye_x_m, look.eye_y_m, look.eye_z_m),
                      look.eyes_apart_m)
 
@@ -117,8 +118,14 @@ def surroundings(made: World) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Outlines of the ground that the left eye, the right eye and both see, (n, 2) of (X, Y) in m with rows of NaN between
-    them, and the figures of the ground.
+    """The ground that is seen, and its figures.
+
+    Attributes
+    ----------
+    outlines
+        By eye (left, right, both), (n, 2) of (X, Y) in m with rows of NaN between them.
+    figures
+        As the page shows them.
     """
 
     outlines: dict[str, Array]

@@ -161,8 +161,9 @@ def _depth(value: Any) -> int:
 
 
 def pack(header: dict[str, Any], pictures: dict[str, bytes], arrays: dict[str, NDArray[Any]]) -> bytes:
-    """One binary message: MAGIC, the header's length (uint32, little-endian), the header as JSON with a list of `parts`, and
-    the parts: JPEG pictures and float32 arrays, each starting at a multiple of four bytes.
+    """One binary message: MAGIC, the header's length (uint32, little-endian), the header as JSON with a list of `parts`.
+
+    Then the parts: JPEG pictures and float32 arrays, each starting at a multiple of four bytes.
     """
     parts, bodies = [], []
     for name, data in pictures.items():

@@ -66,8 +66,9 @@ _pace = _Pace()
 
 @dataclass(frozen=True, eq=False)
 class _Past:
-    """The world past a mirror with its housing before it: `World.beside`, but that neither shades the other, so that nothing
-    is built anew but the housing.
+    """The world past a mirror with its housing before it.
+
+    `World.beside`, but that neither shades the other, so that nothing is built anew but the housing.
     """
 
     world: LitWorld
@@ -84,8 +85,10 @@ class _Past:
 
 def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None, report: Report,
          early: Callable[[Shown], None] | None = None) -> Shown:
-    """Design, put on the vehicle, aim and look. A draft has as many pixels as DRAFT_MS make; `fine` is the picture that
-    `mirror-cad drive` takes, with the ground that is seen and its figures, which `early` gets before the picture is begun.
+    """Design, put on the vehicle, aim and look.
+
+    A draft has as many pixels as DRAFT_MS make; `fine` is the picture that `mirror-cad drive` takes, with the ground that is
+    seen and its figures, which `early` gets before the picture is begun.
 
     own : another reflector, shown beside the design at equal aim.
     Raises: MirrorError for a design that cannot be, or an aim that cannot be met; what `report` raises.
@@ -197,8 +200,10 @@ def _plain(shell: SurfaceMesh, pose: Pose) -> Body:
 
 
 def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
-    """What the ray through (x, y) mm of the mirror's picture plane does: where it meets the mirror, by how much the mirror
-    magnifies far things there against a flat one, and what it meets on the road; None where it meets no mirror.
+    """What the ray through (x, y) mm of the mirror's picture plane does.
+
+    Where it meets the mirror, by how much the mirror magnifies far things there against a flat one, and what it meets on the
+    road; None where it meets no mirror.
     """
     mirror = driven(one, MountParameters.of(look))
     views = views_of(mirror, look)

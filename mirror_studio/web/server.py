@@ -284,6 +284,7 @@ class Guarded:
         self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")} | ({HOST, "localhost"} if port == 80 else set())
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, unless it comes from another page."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return

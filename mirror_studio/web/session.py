@@ -281,8 +281,9 @@ def faults_of(error: Exception) -> list[str]:
 
 @cache
 def _loaded() -> None:
-    """With the first picture all modules and kernels are there: the collector need not go through them again and again, for
-    100 ms each time.
+    """With the first picture all modules and kernels are there.
+
+    The collector need not go through them again and again, for 100 ms each time.
     """
     gc.collect()
     gc.freeze()

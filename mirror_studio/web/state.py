@@ -31,8 +31,9 @@ def presets() -> dict[str, dict[str, Any]]:
 
 
 def as_state(spec: MirrorSpec) -> dict[str, Any]:
-    """A specification with all of its keys, without what is left out; an infinite radius is the text "inf", a side of a limit
-    that is free is None, a file its name.
+    """A specification with all of its keys, without what is left out.
+
+    An infinite radius is the text "inf", a side of a limit that is free is None, a file its name.
     """
     state = spec_as_json(spec)
     for section, key in FILES:

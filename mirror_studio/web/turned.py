@@ -21,8 +21,9 @@ AIMED = 1e-12  # radians between where two mirrors' centres look
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """A place of a turned mirror, p, stands in the scene at `centre` + R·(p − pivot), R = Ry(yaw)·Rx(−pitch), as a `Pose`
-    turns it.
+    """A place of a turned mirror, p, stands in the scene at `centre` + R·(p − pivot), R = Ry(yaw)·Rx(−pitch).
+
+    As a `Pose` turns it.
 
     A positive yaw turns the face towards +x, the driver's side, a positive pitch then upwards. Radians, mm.
     """
@@ -94,8 +95,9 @@ class TurnedLane(StraightLane):
 
 
 def aimed(point: Array, normal: Array, place: Array, eye: Array, direction: Array) -> Turn:
-    """The turn that puts a mirror's `point` (3,) at `place`, with its `normal` there such that it sends the eye's ray into
-    `direction`; all but point and normal in the scene.
+    """The turn that puts a mirror's `point` (3,) at `place`.
+
+    With its `normal` there such that it sends the eye's ray into `direction`; all but point and normal in the scene.
     """
     ray = place - eye
     ray = ray / np.linalg.norm(ray)

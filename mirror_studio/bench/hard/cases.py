@@ -84,6 +84,7 @@ def cases() -> dict[str, Case]:
 
 
 def case_named(name: str) -> Case:
+    """The case of that name."""
     return cases()[name]
 
 

@@ -95,8 +95,9 @@ def thickness_figure(made: Made, sheet: Sheet) -> Figure:
 
 
 def _inside(mirror: Mirror) -> tuple[Array, Array, Array]:
-    """Gauss points and weights over the outline's polygon, in y crowded towards the edges as the arcsine: where a sheet
-    comes near to vertical, its area element is no polynomial there.
+    """Gauss points and weights over the outline's polygon, in y crowded towards the edges as the arcsine.
+
+    Where a sheet comes near to vertical, its area element is no polynomial there.
     """
     x_min, x_max, _, _ = mirror.box
     polygon = mirror.outline.polyline(1e-5 * (x_max - x_min))

@@ -25,9 +25,13 @@ STEP_MM = 0.05  # of the differences that stand for κ₂′, κ₂″: fourth o
 class Sheet(Protocol):
     """A surface z(x, y) known from elsewhere, and the two curvatures asked for."""
 
-    def laws(self, x: Array) -> tuple[Array, Array]: ...
+    def laws(self, x: Array) -> tuple[Array, Array]:
+        """Designed κ₁ and κ₂ at x, 1/mm."""
+        ...
 
-    def height(self, x: Array, y: Array) -> Array: ...
+    def height(self, x: Array, y: Array) -> Array:
+        """z at (x, y), mm."""
+        ...
 
     def derivatives(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
         """z_x, z_y, z_xx, z_xy, z_yy."""
@@ -48,12 +52,15 @@ class Decoupled:
     high: float
 
     def laws(self, x: Array) -> tuple[Array, Array]:
+        """Designed κ₁ and κ₂ at x, 1/mm."""
         return _value(self.across, x), _value(self.upright, x)
 
     def height(self, x: Array, y: Array) -> Array:
+        """z at (x, y), mm."""
         return self.profile(x)[0] - _circle(_value(self.upright, x), y)
 
     def derivatives(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """z_x, z_y, z_xx, z_xy and z_yy at (x, y), mm and 1/mm."""
         k1, k = self.laws(x)
         g = self.profile(x)[1]
         k_x = k_xx = np.zeros_like(x)
@@ -109,12 +116,15 @@ class Sphere:
     radius_mm: float
 
     def laws(self, x: Array) -> tuple[Array, Array]:
+        """Designed κ₁ and κ₂ at x, 1/mm."""
         return np.full_like(x, 1.0 / self.radius_mm), np.full_like(x, 1.0 / self.radius_mm)
 
     def height(self, x: Array, y: Array) -> Array:
+        """z at (x, y), mm."""
         return -_circle(1.0 / self.radius_mm, np.hypot(x, y))
 
     def derivatives(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """z_x, z_y, z_xx, z_xy and z_yy at (x, y), mm and 1/mm."""
         k = 1.0 / self.radius_mm
         w = np.sqrt(1.0 - k * k * (x * x + y * y))
         return (-k * x / w, -k * y / w, -k * (1.0 - (k * y) ** 2) / w**3, -(k**3) * x * y / w**3,

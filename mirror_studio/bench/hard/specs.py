@@ -17,26 +17,32 @@ FLAT = math.inf
 
 
 def constant(radius_mm: float) -> Spec:
+    """A law of one radius."""
     return {"law": "constant", "radius_mm": radius_mm}
 
 
 def kappa(formula: str) -> Spec:
+    """A law by a formula of curvature."""
     return {"law": "expression", "curvature": formula}
 
 
 def linear(right_mm: float, left_mm: float) -> Spec:
+    """A linear law."""
     return {"law": "linear", "right_mm": right_mm, "left_mm": left_mm}
 
 
 def zones(right_mm: float, left_mm: float, start: float, end: float) -> Spec:
+    """A law of zones, blended smoothly from start to end in t."""
     return {"law": "zones", "right_mm": right_mm, "left_mm": left_mm, "blend_from": start, "blend_to": end}
 
 
 def spec(horizontal: Spec, vertical: Spec, **sections: Spec) -> Spec:
+    """A specification of two laws and other sections."""
     return {"horizontal": horizontal, "vertical": vertical, **sections}
 
 
 def rectangle(width_mm: float, height_mm: float, corner_mm: float = 0.0) -> dict[str, Spec]:
+    """An outline of four sides, as sections of a specification."""
     return {"outline": {"width_mm": width_mm, "left_height_mm": height_mm, "right_height_mm": height_mm,
                         "corner_radius_mm": corner_mm},
             "blank": {"width_mm": 1.1 * width_mm, "height_mm": 1.1 * height_mm}}

@@ -25,8 +25,9 @@ MESH_MARGIN_MM = 3.0  # of the peers' meshes beyond the outline's box, so that n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rays:
-    """origins (n, 3) or one eye (3,), directions (n, 3) unit, exact (n, 3) after reflection; inside (n,): whether the place
-    that the ray is aimed at lies inside the outline.
+    """origins (n, 3) or one eye (3,), directions (n, 3) unit, exact (n, 3) after reflection.
+
+    `inside` (n,): whether the point that the ray is aimed at lies inside the outline.
     """
 
     origins: Array
@@ -35,8 +36,9 @@ class Rays:
     inside: NDArray[np.bool_]
 
     def errors(self, found: NDArray[np.floating]) -> tuple[float, float, float]:
-        """Largest and RMS angle from the exact direction, arc seconds, and the share of the rays inside the outline that
-        were not found. Angles by the chord: 3·10⁻⁸ of 1° off at 1″.
+        """Largest and RMS angle from the exact direction, arc seconds.
+
+        With the share of the rays inside the outline that were not found. Angles by the chord: 3·10⁻⁸ of 1° off at 1″.
         """
         chord = np.linalg.norm(found - self.exact, axis=1)[self.inside]
         hit = np.isfinite(chord)
@@ -91,8 +93,9 @@ class Case:
         return Rays(self.eye, directions, directions - 2.0 * dot[:, None] * normals, inside)
 
     def mesh(self, triangles: int) -> Mesh:
-        """A regular grid of some `triangles` triangles over the outline's box and MESH_MARGIN_MM beyond, its vertices on the
-        surface.
+        """A regular grid of some `triangles` triangles over the outline's box and MESH_MARGIN_MM beyond.
+
+        Its vertices lie on the surface.
         """
         box, domain = self.mirror.box, self.mirror.surface.domain
         low = [max(box[2 * k] - MESH_MARGIN_MM, domain[2 * k]) for k in range(2)]

@@ -40,8 +40,9 @@ def ours(case: Case, scene: ReferencePlane | TriangleWorld, frame: Frame) -> Wor
 
 def mitsuba(case: Case, scene: ReferencePlane | TriangleWorld, frame: Frame, triangles: int,
             variant: str) -> Work:
-    """The same by Mitsuba's direct integrator, values as ours but float32: a perfect mirror as a mesh with smooth normals, and
-    what it shows as area emitters.
+    """The same by Mitsuba's direct integrator, values as ours but float32.
+
+    A perfect mirror as a mesh with smooth normals, and what it shows as area emitters.
 
     Raises: AbsentError where the variant does not work here.
     """
@@ -65,8 +66,9 @@ def _mirror_properties(mi: Any) -> Any:
 
 
 def _sensor(mi: Any, case: Case, frame: Frame) -> dict[str, Any]:
-    """A pinhole that looks along −z; the frame's centre lies beside its axis. Mitsuba counts that offset in pictures' widths
-    and heights, to the left and up.
+    """A pinhole that looks along −z; the frame's centre lies beside its axis.
+
+    Mitsuba counts that offset in pictures' widths and heights, to the left and up.
     """
     width, height = frame.pixel * frame.columns, frame.pixel * frame.rows
     x, y, z = case.eye.tolist()

@@ -78,7 +78,7 @@ def interleaved_seconds(works: Sequence[Callable[[], Any]]) -> NDArray[np.float6
 
 @contextmanager
 def few_cores() -> Iterator[None]:
-    """This process on CORES cores, whatever number of threads each tracer starts."""
+    """Run this process on CORES cores, whatever number of threads each tracer starts."""
     before = os.sched_getaffinity(0)
     _bind(set(sorted(before)[:CORES]))
     try:
