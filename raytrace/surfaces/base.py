@@ -17,6 +17,9 @@ from raytrace.surfaces.trimming import Trimming
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
+# How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
+# the sheet goes on beyond. 1e-12 rad of the reflected ray.
+EDGE_INSET = 1e-12
 CELLS = 16  # a direction, that a face is sampled in: for which way it looks and bulges, not for where its frame is
 
 
@@ -233,6 +236,10 @@ class BoundedFace(OpticalSurface):
     @property
     def extends(self) -> bool:
         return True
+
+    @property
+    def edge_inset(self) -> float:
+        return EDGE_INSET
 
     @property
     def looks_outward(self) -> bool:

@@ -26,9 +26,6 @@ Box = tuple[float, float, float, float]
 
 OUTLINE_GRID = 48  # cells a direction in which a face is looked at for whether it bulges beyond its rim
 WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
-# How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
-# the sheet goes on beyond. 1e-12 rad of the reflected ray.
-EDGE_INSET = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +152,6 @@ class BSplineFace(BoundedFace):
         return replace(self, one_sided=False)
 
     # --- what is asked of any optical surface -------------------------------------------------------------------------
-
-    @property
-    def edge_inset(self) -> float:
-        return EDGE_INSET
 
     @property
     def domain(self) -> Box:
