@@ -103,7 +103,7 @@ def find_placement(reflector: Reflector) -> Placement:
     """
     samples = reflector.surface.area_samples()
     middle = 0.5 * (samples.points.min(axis=0) + samples.points.max(axis=0))
-    size = float(np.linalg.norm(np.ptp(samples.points, axis=0)))
+    size = _size(samples)
     if not size > 0.0 or not samples.sizes.sum() > 0.0:
         raise TraceError("what reflects is a point or a line: it has no normal that its place could be told from")
     direction, side, samples = _side(reflector, samples)
@@ -113,6 +113,11 @@ def find_placement(reflector: Reflector) -> Placement:
     # Counted from its middle: facets are met in float32.
     centred = Placement(middle, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
     return face.moved(centred).placement(direction, middle)
+
+
+def _size(samples: AreaSamples) -> float:
+    """Of what reflects, mm, about: the diagonal of its samples' box, or of a single facet the root of its area."""
+    return float(np.linalg.norm(np.ptp(samples.points, axis=0))) or float(np.sqrt(samples.sizes.sum()))
 
 
 # --- side -------------------------------------------------------------------------------------------------------------
@@ -143,7 +148,7 @@ def _side(reflector: Reflector, samples: AreaSamples) -> tuple[Array, Mask, Area
     axis, along = turn * axis, turn * along
     sides = [(sign * axis, sign * along > TOWARDS * sizes) for sign in (1.0, -1.0)]
     sides = [(direction, side) for direction, side in sides if side.any()] or [(axis, everything)]
-    size = float(np.linalg.norm(np.ptp(samples.points, axis=0)))
+    size = _size(samples)
     for direction, side in sides:
         if direction[2] > 1.0 - ABOUT and _stands(_Face.of(reflector, samples, side, size), np.zeros(3), ABOUT):
             return direction, side, samples
@@ -155,7 +160,7 @@ def _side(reflector: Reflector, samples: AreaSamples) -> tuple[Array, Mask, Area
 
 def _sheet_side(reflector: Reflector, samples: AreaSamples, direction: Array) -> float:
     """1 or −1: whether a sheet that looks in a direction by its facets or its face reflects there, or on its other side."""
-    size = float(np.linalg.norm(np.ptp(samples.points, axis=0)))
+    size = _size(samples)
     if abs(direction[2]) > 1.0 - ABOUT and _stands(
             _Face.of(reflector, samples, np.ones(len(samples.points), dtype=np.bool_), size), np.zeros(3), ABOUT):
         return float(np.sign(direction[2]))  # in mirror coordinates it looks along z, however it is bent

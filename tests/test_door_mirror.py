@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mirror_studio.drive.pictures import World
-from mirror_studio.drive.world import MM, bodies_of
+from mirror_studio.drive.world import MM, bodies_and_left_out, bodies_of
 from mirror_studio.scene_file import SceneFile, load_scene
 from raytrace.embree import TriangleScene
 from raytrace.scene.bodies import Body
@@ -56,11 +56,13 @@ def test_the_saloon_s_mirror_is_left_out_on_the_side_of_the_mirror_alone(tmp_pat
     assert in_box(kept, side) > 100
     assert in_box(body, side) == 0
     assert in_box(body, -side) == in_box(kept, -side) > 100
-    assert world.left_out is not None
-    assert world.left_out.parts == 3  # housing, glass and stalk
-    assert set(world.left_out.materials) == {"paint", "trim", "glass"}
-    assert len(kept.faces) - len(body.faces) == world.left_out.triangles
-    assert "mirror under test is mounted there" in str(world.left_out)
+    _, left_out = bodies_and_left_out(host(tmp_path, hand))
+    assert left_out is not None
+    assert left_out.parts == 3  # housing, glass and stalk
+    assert set(left_out.materials) == {"paint", "trim", "glass"}
+    assert len(kept.faces) - len(body.faces) == left_out.triangles
+    assert "mirror under test is mounted there" in str(left_out)
+    assert world.left_out == [f"{left_out}; own_vehicle.keep_mirror = true keeps it"]
 
 
 def test_nothing_stands_behind_the_mirror_any_more(tmp_path: Path) -> None:
@@ -78,5 +80,5 @@ def test_nothing_stands_behind_the_mirror_any_more(tmp_path: Path) -> None:
 
 
 def test_a_mirror_elsewhere_and_a_flank_without_one_leave_the_body_whole(tmp_path: Path) -> None:
-    assert World(host(tmp_path, x=-1.2)).left_out is None
-    assert World(load_scene("motorway")).left_out is None
+    assert World(host(tmp_path, x=-1.2)).left_out == []
+    assert World(load_scene("motorway")).left_out == []

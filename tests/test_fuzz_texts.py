@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mirror_cad
 from mirror_cad.mirror import design
 from mirror_cad.outline import truck_outline
 from mirror_cad.outline.files import write_dxf
@@ -44,7 +45,7 @@ def whole_files(folder: Path) -> dict[str, tuple[str, bytes]]:
     table = CONSTANT.format("vertical") + '[horizontal]\nlaw = "table"\nfile = "damaged.csv"\n'
     outline = (HEAD + CONSTANT.format("horizontal") + CONSTANT.format("vertical")
                + '[outline]\nfile = "damaged.{0}"\nloop = "outermost"\n')
-    preset = (Path(pipeline.__file__).parent.parent / "mirror_cad" / "designs" / "progressive-c.toml").read_text()
+    preset = (Path(mirror_cad.__file__).parent / "designs" / "progressive-c.toml").read_text()
     return {"dxf": (outline.format("dxf"), (folder / "rim.dxf").read_bytes()),
             "small.dxf": (outline.format("small.dxf"), (CASES / "dxf-hidden-layers" / "outline.dxf").read_bytes()),
             "svg": (outline.format("svg"), SVG.encode()),

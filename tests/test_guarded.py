@@ -90,7 +90,7 @@ try:
     raytrace.load_reflector({str(CRASH)!r})
 except FileError as error:
     assert "SIGSEGV" in str(error)
-print(len(raytrace.load_reflector({str(PLATE)!r}).mesh.faces))
+print(len(raytrace.load_reflector({str(PLATE)!r}).surface.mesh.faces))
 """
 
 

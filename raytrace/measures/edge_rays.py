@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | None:
     """Compute the traced horizontal field of view of any reflector, with the eye where it really sits.
 
-    Where there is a surface at the box's edges, (x_min, 0) and (x_max, 0), it is the angle between the rays reflected there,
-    as `traced_fields_of_view` has it for a designed mirror. Of whatever else reflects, the angle
+    Where a sheet goes on beyond the outline, it is the angle between the rays reflected at the box's edges, (x_min, 0) and
+    (x_max, 0), as `traced_fields_of_view` has it for a designed mirror. Of whatever else reflects, the angle
     between the rays at the outermost two places at which the row y = 0 crosses the edge of what the eye sees reflecting;
     these are roots along that edge (`raytrace.visibility.edge`), not samples of the row.
 
@@ -35,10 +35,11 @@ def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | N
     The angle in radians; None where the eye sees nothing reflecting on that row.
     """
     surface = reflector.surface
-    inset = surface.edge_inset * (box[1] - box[0])
-    _, ends = surface.reflected_at(eye, np.array([box[0] + inset, box[1] - inset]), np.zeros(2))
-    if np.isfinite(ends).all():
-        return angle_between(ends[0], ends[1])
+    if surface.extends:
+        inset = surface.edge_inset * (box[1] - box[0])
+        _, ends = surface.reflected_at(eye, np.array([box[0] + inset, box[1] - inset]), np.zeros(2))
+        if np.isfinite(ends).all():
+            return angle_between(ends[0], ends[1])
     try:
         view = View(reflector, Pose.identity(), eye)
     except TraceError:  # an eye that the mirror does not face sees nothing in it

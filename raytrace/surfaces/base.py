@@ -23,6 +23,9 @@ Box = tuple[float, float, float, float]
 # Radians to either side of a ray, 0.01 mm of a mirror at the driver's distance: rounding gives the differences 1e-11 of their
 # size, the third derivative 1e-9 of what changes over a degree.
 TURN = 1.5e-5
+# How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
+# the sheet goes on beyond. 1e-12 rad of the reflected ray.
+EDGE_INSET = 1e-12
 CELLS = 16  # a direction, that a face is sampled in: for which way it looks and bulges, not for where its frame is
 
 
@@ -316,6 +319,10 @@ class BoundedFace(OpticalSurface):
     @property
     def extends(self) -> bool:
         return True
+
+    @property
+    def edge_inset(self) -> float:
+        return EDGE_INSET
 
     @property
     def looks_outward(self) -> bool:

@@ -32,9 +32,6 @@ WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end 
 # Of the parameters of a point that lies on the face: a grid to start from, and Newton's steps from there.
 START_CELLS, MAX_STEPS = 32, 12
 ON_FACE = 1e-9  # of a sheet's size, 2e-7 mm: a point that is farther from it is not on it
-# How far inside the box's edge a ray is taken, of the mirror's width: an outline's own upper edge is no longer inside it, and
-# the sheet goes on beyond. 1e-12 rad of the reflected ray.
-EDGE_INSET = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,10 +158,6 @@ class BSplineFace(BoundedFace):
         return replace(self, one_sided=False)
 
     # --- what is asked of any optical surface -------------------------------------------------------------------------
-
-    @property
-    def edge_inset(self) -> float:
-        return EDGE_INSET
 
     @property
     def domain(self) -> Box:
