@@ -34,7 +34,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         for constant, value in SMALL.items() if small else ():
             text = re.sub(rf"^{constant} = [\d, ]+", f"{constant} = {value}", text, flags=re.MULTILINE)
         names: dict[str, Any] = {}
-        exec(compile(text, name, "exec"), names)
+        exec(compile(text, name, "exec", dont_inherit=True), names)
         return names
 
     return runs

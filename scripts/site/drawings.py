@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib import rc_context
@@ -79,8 +80,7 @@ def drawing(name: str, group: str = "Other") -> str:
 
 
 def _own(name: str) -> Draw | None:
-    of_family = next((draw for prefix, draw in OF_FAMILY.items() if name.startswith(prefix)), None)
-    return DRAWINGS.get(name, of_family)
+    return DRAWINGS.get(name) or of_family(name)
 
 
 # ---- parts that several drawings share
@@ -90,26 +90,33 @@ def mirror_face(s: Sheet, x: float = 6.0, y: float = 3.0, width: float = 20.0, h
     s.box(x, y, width, height, "#f7f9fc")
 
 
-def arc_of_mirror(s: Sheet, upright: bool = False) -> tuple[float, float, float, float, float, float]:
-    """A convex section that faces right, and its two ends and the middle of its height."""
-    turn = np.radians(np.linspace(-38.0, 38.0, 60))
-    x, y = 9.0 - 9.0 * (1.0 - np.cos(turn)), 12.0 + 9.0 * np.sin(turn)
-    s.curve(x, y, wide=2.2)
-    s.text(4.2, 21.5, "section, upright" if upright else "section, in plan", align="left")
-    return float(x[0]), float(y[0]), float(x[-1]), float(y[-1]), 9.0, 12.0
+ARC_RADIUS, ARC_HALF, ARC_AT = 16.0, 20.0, (8.5, 11.0)  # of a convex section that faces right, and its foremost point
 
 
 def field(s: Sheet, eye: tuple[float, float], upright: bool, text: str) -> None:
     """The rays reflected at the two ends of a section, and the angle between them."""
-    x0, y0, x1, y1, _, _ = arc_of_mirror(s, upright)
-    s.line(eye, (x0, y0), style="--")
-    s.line(eye, (x1, y1), style="--")
-    for x, y, normal in ((x0, y0, -38.0), (x1, y1, 38.0)):
-        to_eye = np.degrees(np.arctan2(eye[1] - y, eye[0] - x))
-        out = np.radians(2.0 * normal * 0.62 - to_eye)
-        s.arrow((x, y), (x + 12.0 * np.cos(out), y + 9.0 * np.sin(out)), MARKED)
+    turn = np.radians(np.linspace(-ARC_HALF, ARC_HALF, 60))
+    x, y = ARC_AT[0] - ARC_RADIUS * (1.0 - np.cos(turn)), ARC_AT[1] + ARC_RADIUS * np.sin(turn)
+    s.curve(x, y, wide=2.2)
+    s.text(0.8, 22.6, "section, upright" if upright else "section, in plan", align="left")
+    ends, outs = [], []
+    for k, normal in ((0, -ARC_HALF), (-1, ARC_HALF)):
+        at = np.array([x[k], y[k]])
+        s.line(eye, tuple(at), style="--")
+        out = np.radians(2.0 * normal - np.degrees(np.arctan2(eye[1] - at[1], eye[0] - at[0])))
+        ends.append(at)
+        outs.append(np.array([np.cos(out), np.sin(out)]))
+    # Where the two rays, taken back, meet behind the mirror: the angle's corner.
+    steps = np.linalg.solve(np.stack([outs[0], -outs[1]], axis=1), ends[1] - ends[0])
+    corner = ends[0] + steps[0] * outs[0]
+    for at, out in zip(ends, outs, strict=True):
+        room = (22.2 - at[1]) / out[1] if out[1] > 0 else (0.8 - at[1]) / out[1]
+        s.line(tuple(corner), tuple(at), colour=SOFT, style=":")
+        s.arrow(tuple(at), tuple(at + min(room, 9.0) * out), MARKED)
+    low, high = (float(np.degrees(np.arctan2(out[1], out[0]))) for out in outs)
+    s.angle((float(corner[0]), float(corner[1])), 9.0, low, high)
     s.eye(*eye, "eye")
-    s.text(30.0, 21.5, text, MARKED)
+    s.text(35.4, 21.5, text, MARKED, align="right")
 
 
 def two_eyes_on_horizon(s: Sheet, text: str, left: bool, right: bool) -> None:
@@ -139,12 +146,13 @@ def road_plan(s: Sheet) -> None:
     s.text(30.0, 21.0, "host")
 
 
-def picture_pair(s: Sheet, wide: float, high: float, mark: str) -> None:
+def picture_pair(s: Sheet, wide: float, high: float, mark: str, where: str) -> None:
     """One far thing as a flat mirror shows it, and as this one does."""
     s.box(3.0, 7.0, 12.0, 10.0, "#f7f9fc")
     s.text(9.0, 4.6, "flat mirror")
     s.box(22.0, 12.0 - 5.0 * high, 12.0 * wide, 10.0 * high, GROUND, MARKED)
     s.text(22.0 + 6.0 * wide, 4.6, "this mirror")
+    s.text(22.0 + 6.0 * wide, 2.6, where, MARKED)
     if mark in ("wide", "ratio"):
         s.size((22.0, 12.0 + 5.0 * high + 1.0), (22.0 + 12.0 * wide, 12.0 + 5.0 * high + 1.0), "$e_h$", (0, 1.3))
         s.size((3.0, 18.2), (15.0, 18.2), "flat", (0, 1.3))
@@ -154,25 +162,25 @@ def picture_pair(s: Sheet, wide: float, high: float, mark: str) -> None:
         s.size((16.0, 7.0), (16.0, 17.0), "flat", (2.0, 0))
 
 
-def lane_image(s: Sheet, from_x: float) -> tuple[object, object]:
-    """The image of a straight lane across the face; its tangent at from_x."""
+def lane_image(s: Sheet, from_x: float, tangent: bool = True) -> None:
+    """The image of a straight lane across the face, and its tangent at from_x."""
     mirror_face(s)
     x = np.linspace(6.0, from_x, 60)
     u = (from_x - x) / 20.0
     y = 17.5 - 5.0 * u - 7.0 * u**2
     s.curve(x, y, wide=1.8)
-    s.line((from_x, 17.5), (6.0, 17.5 - 5.0 * (from_x - 6.0) / 20.0), style="--")
-    return x, y
+    if tangent:
+        s.line((from_x, 17.5), (6.0, 17.5 - 5.0 * (from_x - 6.0) / 20.0), style="--")
 
 
 def grid(s: Sheet, bend: float) -> None:
     """A grid of directions as it is shown, beside the affine map that fits best."""
     n = np.linspace(-1.0, 1.0, 40)
     for k in np.linspace(-1.0, 1.0, 6):
-        s.curve(16 + 11 * n, 12 + 8.5 * (k + 0 * n), colour=SOFT, style="--", wide=0.8)
-        s.curve(16 + 11 * (k + 0 * n), 12 + 8.5 * n, colour=SOFT, style="--", wide=0.8)
-        s.curve(16 + 11 * (n + bend * n**2 * 0.4 - bend * 0.15), 12 + 8.5 * (k + bend * k * n * 0.3))
-        s.curve(16 + 11 * (k + bend * k**2 * 0.4 - bend * 0.15 + 0 * n), 12 + 8.5 * (n + bend * n * k * 0.3))
+        s.curve(13 + 9.5 * n, 12 + 8.5 * (k + 0 * n), colour=SOFT, style="--", wide=0.8)
+        s.curve(13 + 9.5 * (k + 0 * n), 12 + 8.5 * n, colour=SOFT, style="--", wide=0.8)
+        s.curve(13 + 9.5 * (n + bend * n**2 * 0.4 - bend * 0.15), 12 + 8.5 * (k + bend * k * n * 0.3))
+        s.curve(13 + 9.5 * (k + bend * k**2 * 0.4 - bend * 0.15 + 0 * n), 12 + 8.5 * (n + bend * n * k * 0.3))
 
 
 # ---- a drawing each
@@ -183,9 +191,9 @@ def yaw(s: Sheet) -> None:
     s.line((8, 14), (20, 14), style="--")
     s.line((8.6, 16.4), (19.6, 11.6), wide=2.4)
     s.arrow((14.0, 14.0), (14.0, 3.5))
-    s.arrow((14.0, 14.0), (14.0 + 10.5 * np.sin(0.41) * -1.0 * -1.0, 14.0 - 10.5 * np.cos(0.41)), MARKED)
+    s.arrow((14.0, 14.0), (14.0 + 10.5 * np.sin(0.41), 14.0 - 10.5 * np.cos(0.41)), MARKED)
     s.angle((14.0, 14.0), 8.0, 270.0, 293.5, "yaw")
-    s.text(11.4, 3.4, "rearward")
+    s.text(10.0, 3.6, "rearward")
 
 
 def pitch(s: Sheet) -> None:
@@ -204,7 +212,7 @@ def flank_share(s: Sheet) -> None:
     s.text(11.0, 14.0, "horizon")
     s.text(23.7, 6.0, "own\nflank")
     s.size((21.5, 13.0), (26.0, 13.0), "", (0, 0))
-    s.size((6.0, 1.6), (26.0, 1.6), "width = 1", (12.0, 0.2))
+    s.size((6.0, 1.9), (26.0, 1.9), "width = 1", (0, -1.1))
     s.text(29.5, 13.0, "share", MARKED)
 
 
@@ -228,9 +236,9 @@ def above_horizon(s: Sheet) -> None:
 
 
 def edges_between(s: Sheet) -> None:
-    field(s, (26.0, 7.0), False, "angle between the rays\nat the two edges")
-    s.eye(26.0, 5.6)
-    s.text(31.5, 6.3, "between\nthe eyes")
+    field(s, (27.0, 6.5), False, "between the rays\nat the two edges")
+    s.axes.plot([26.2, 27.8], [5.9, 7.1], "o", color=SOFT, markersize=3.5)
+    s.text(31.4, 6.5, "the middle\nof two")
 
 
 def upright(s: Sheet) -> None:
@@ -260,12 +268,11 @@ def lane_road(s: Sheet) -> None:
 
 
 def lane_bow(s: Sheet) -> None:
-    x, y = lane_image(s, 26.0)
-    s.area((6, 2.9), (26, 2.9), (26, 3.0), (6, 3.0), colour="none")
-    s.line((26, 17.5), (6, 5.5), style="-", colour=SOFT)
-    s.text(12.5, 7.6, "great circle", SOFT)
-    s.size((16.4, 11.7), (15.0, 14.1), "bow", (-1.9, 1.2))
-    del x, y
+    lane_image(s, 26.0, tangent=False)
+    s.line((26, 17.5), (6, 5.5), colour=INK, style="--")
+    s.text(19.5, 8.0, "great circle\nthrough its ends")
+    s.size((16.9, 12.0), (15.6, 14.2), "", (0, 0))
+    s.text(13.4, 15.2, "bow", MARKED)
 
 
 def column(s: Sheet, flat: bool) -> None:
@@ -286,13 +293,13 @@ def column(s: Sheet, flat: bool) -> None:
 
 def distortion_rms(s: Sheet) -> None:
     grid(s, 0.55)
-    s.text(31.5, 12.0, "RMS of all\nnodes", MARKED)
+    s.text(30.5, 12.0, "RMS of all\nnodes", MARKED)
 
 
 def distortion_max(s: Sheet) -> None:
     grid(s, 0.55)
-    s.arrow((5.0, 20.5), (6.5, 19.1), MARKED)
-    s.text(31.5, 12.0, "the farthest\nnode", MARKED)
+    s.arrow((3.5, 20.5), (4.8, 19.1), MARKED)
+    s.text(30.5, 12.0, "the farthest\nnode", MARKED)
 
 
 def disparity(s: Sheet) -> None:
@@ -335,40 +342,47 @@ def hidden_car(s: Sheet) -> None:
     s.text(12.5, 21.4, "direct view")
 
 
-def ground_width(s: Sheet) -> None:
+def ground_width(s: Sheet, eyes: str = "") -> None:
     road_plan(s)
     s.area((20.4, 9.0), (20.4, 0.5), (4.0, 0.5), (10.0, 5.0), colour=SOFT)
     s.size((7.4, 3.0), (20.4, 3.0), "width", (0, 1.4))
     s.size((29.0, 19.0), (29.0, 3.0), "20 m", (2.4, 0))
+    s.text(13.4, 10.5, eyes)
 
 
-def blind_length(s: Sheet) -> None:
-    blind_zone(s)
-    s.size((13.5, 5.2), (13.5, 19.7), "length", (2.8, 0))
+def blind_length(s: Sheet, where: str = "") -> None:
+    blind_zone(s, where)
+    s.size((16.6, 6.9), (16.6, 19.5), "length", (-2.8, -2.6))
 
 
-def blind_area(s: Sheet) -> None:
-    blind_zone(s)
-    s.text(13.4, 12.4, "area", MARKED)
+def blind_area(s: Sheet, where: str = "") -> None:
+    blind_zone(s, where)
+    s.text(13.4, 10.6, "area", MARKED)
 
 
-def blind_zone(s: Sheet) -> None:
+def blind_zone(s: Sheet, where: str) -> None:
     road_plan(s)
     s.area((8, 20.2), (19, 19.3), (19, 8.0), (8, 2.8), colour="#f0c9b0")
     s.line((23, 19), (8, 20.2), style=":")
     s.text(13.0, 21.6, "direct view")
     s.text(12.5, 1.8, "shown by the mirror")
+    s.text(12.6, 14.6, where)
 
 
-def angular_size(s: Sheet) -> None:
-    s.eye(5, 12, "eye")
-    s.line((16, 6), (16, 18), wide=2.4)
-    s.text(16, 20, "mirror")
-    s.box(28, 9, 5, 6, GROUND)
-    s.line((5, 12), (28, 15), style="--")
-    s.line((5, 12), (28, 9), style="--")
-    s.angle((5, 12), 8.5, -7.4, 7.4, "angle")
-    s.text(30.5, 7.4, "a car, 20 m")
+def angular_size(s: Sheet, side: str = "size", flat: bool = False) -> None:
+    """A car's image, as far behind the mirror as it seems, and the angle under which the eye has it."""
+    half, far = (3.2, 31.0) if flat else (1.6, 24.0)
+    s.eye(4, 11, "eye")
+    bend = np.linspace(-1.0, 1.0, 40)
+    s.curve(15.0 + (0.0 if flat else 1.4) * bend**2, 11 + 8.0 * bend, wide=2.2)
+    s.text(15.5, 21.0, "flat mirror" if flat else "mirror")
+    s.box(far, 11 - half, 3.4, 2 * half, GROUND, MARKED)
+    s.line((4, 11), (far, 11 + half), style="--")
+    s.line((4, 11), (far, 11 - half), style="--")
+    turn = float(np.degrees(np.arctan2(half, far - 4.0)))
+    s.angle((4, 11), 8.5, -turn, turn)
+    s.text(9.0, 14.0, side, MARKED)
+    s.text(29.0, 5.4, "image of a car,\n20 m behind")
 
 
 def anything(s: Sheet) -> None:
@@ -376,25 +390,26 @@ def anything(s: Sheet) -> None:
     s.eye(31, 10, "eye")
 
 
-def wide(wide_: float, high: float, mark: str) -> Draw:
-    return lambda s: picture_pair(s, wide_, high, mark)
+def wide(wide_: float, high: float, mark: str, where: str) -> Draw:
+    return lambda s: picture_pair(s, wide_, high, mark, where)
 
 
 DRAWINGS: dict[str, Draw] = {
     "yaw_deg": yaw, "pitch_deg": pitch, "flank_share": flank_share, "horizon_share": horizon_share,
     "above_horizon_deg": above_horizon,
-    "h_fov_section_deg": lambda s: field(s, (29.0, 12.0), False, "angle between the rays,\neye on the axis"),
-    "h_fov_traced_deg": lambda s: field(s, (27.0, 6.5), False, "angle between the rays,\neye where it sits"),
-    "v_fov_left_section_deg": lambda s: field(s, (29.0, 12.0), True, "angle between the rays,\neye on the axis"),
-    "v_fov_left_traced_deg": lambda s: field(s, (29.0, 13.5), True, "angle between the rays,\neye where it sits"),
+    "h_fov_section_deg": lambda s: field(s, (29.0, 11.0), False, "between the rays,\neye on the axis"),
+    "h_fov_traced_deg": lambda s: field(s, (27.0, 6.5), False, "between the rays,\neye where it sits"),
+    "v_fov_left_section_deg": lambda s: field(s, (29.0, 11.0), True, "between the rays,\neye on the axis"),
+    "v_fov_left_traced_deg": lambda s: field(s, (28.0, 13.0), True, "between the rays,\neye where it sits"),
     "h_fov_between_edges_deg": edges_between,
     "horizon_left_deg": lambda s: two_eyes_on_horizon(s, "left eye", True, False),
     "horizon_right_deg": lambda s: two_eyes_on_horizon(s, "right eye", False, True),
     "horizon_either_deg": lambda s: two_eyes_on_horizon(s, "one of the two, or both", True, True),
     "horizon_both_deg": lambda s: two_eyes_on_horizon(s, "where the two overlap", True, True),
     "upright_either_deg": upright,
-    "magnification_middle": wide(0.42, 0.5, "wide"), "magnification_least": wide(0.25, 0.5, "wide"),
-    "magnification_vertical_middle": wide(0.42, 0.5, "high"), "magnification_ratio_least": wide(0.25, 0.6, "ratio"),
+    "magnification_middle": wide(0.42, 0.5, "wide", "in the middle"), "magnification_least": wide(0.25, 0.5, "wide", "the least"),
+    "magnification_vertical_middle": wide(0.42, 0.5, "high", "in the middle"),
+    "magnification_ratio_least": wide(0.25, 0.6, "ratio", "the slimmest"),
     "lane_straightness_percent": lane_paper, "lane_straightness_road_percent": lane_road, "lane_bow_arcmin": lane_bow,
     "column_tilt_arcmin": lambda s: column(s, False), "column_tilt_by_curvature_arcmin": lambda s: column(s, True),
     "grid_distortion_rms_arcmin": distortion_rms, "grid_distortion_max_arcmin": distortion_max,
@@ -406,6 +421,14 @@ OF_GROUP: dict[str, Draw] = {
     "Aim": flank_share, "Field of view": edges_between, "Size": angular_size, "Straightness": lane_bow,
     "Two eyes": disparity, "Ground and blind zone": ground_width, "Other": anything,
 }
-# Measures of which there is one for each distance that a scene asks about, by how their names begin.
-OF_FAMILY: dict[str, Draw] = {"vehicle_": angular_size, "ground_width_": ground_width, "blind_length": blind_length,
-                              "blind_area": blind_area}
+
+def of_family(name: str) -> Draw | None:
+    """Of measures of which there is one for each distance or height that a scene asks about, by their names."""
+    if name.startswith("vehicle_"):
+        return lambda s: angular_size(s, "width" if "width" in name else "height", "flat" in name)
+    if name.startswith("ground_width_"):
+        return lambda s: ground_width(s, "by either eye" if "either" in name else "by both eyes")
+    for start, draw in (("blind_length", blind_length), ("blind_area", blind_area)):
+        if name.startswith(start):
+            return partial(draw, where="at a height" if "_at_" in name else "on the ground")
+    return None

@@ -10,6 +10,7 @@ from typing import get_args
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -54,6 +55,28 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
             files.remove(template)
         files.append(File.generated(config, name, content=text))
     return files
+
+
+SUBSCRIPTS = (
+    (re.compile(r"(?<![\w.])([^\W\d_]|∂[^\W\d_])_(?:\{([^}]+)\}|([^\W_]+))"), lambda m: f"{m[1]}<sub>{m[2] or m[3]}</sub>"),
+    (re.compile(r"(?<![\w.])([Wegkr]|κ)(\d{1,2})(?![\d.])"), lambda m: f"{m[1]}<sub>{m[2]}</sub>"),
+    (re.compile(r"κ([12])"), lambda m: f"κ<sub>{m[1]}</sub>"),
+    (re.compile(r"(?<!\w)R([xy])(?![a-z])"), lambda m: f"R<sub>{m[1]}</sub>"),
+    (re.compile(r"\^\(([^)]+)\)"), lambda m: f"<sup>{m[1]}</sup>"),
+)
+AS_IT_IS = re.compile(r"(\$\$.*?\$\$|```.*?```|`[^`]*`|\]\([^)]*\)|<!--.*?-->|^#.*?$)", re.DOTALL | re.MULTILINE)
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Set the indices of the derivations' running text low, and their links and formulas as they are."""
+    if not page.file.src_uri.startswith("derivations/"):
+        return markdown
+    pieces = AS_IT_IS.split(markdown)
+    for k in range(0, len(pieces), 2):
+        for pattern, set_low in SUBSCRIPTS:
+            pieces[k] = pattern.sub(set_low, pieces[k])
+    names = {path.name for path in (Path(config.docs_dir) / "derivations").glob("*.md")}
+    return re.sub(r"`([\w-]+\.md)`", lambda m: f"[{m[1].removesuffix('.md')}]({m[1]})" if m[1] in names else m[0], "".join(pieces))
 
 
 # ---- measures
@@ -137,17 +160,30 @@ def _first_paragraph(kind: type[BaseModel]) -> str:
 
 
 def _keys(kind: type[BaseModel], horizontal_only: frozenset[str] = frozenset()) -> str:
-    rows = ["| key | default | range | |", "|---|---|---|---|"]
-    for key, info in kind.model_fields.items():
+    rows = ["| key | default | values | |", "|---|---|---|---|"]
+    said = {key: text for base in reversed(kind.__mro__) for key, text in _attributes(base.__doc__ or "").items()}
+    own_first = sorted(kind.model_fields.items(), key=lambda one: one[0] in horizontal_only)
+    for key, info in own_first:
         if key == "law":
             continue
         inner = _model(info)
-        default = "required" if info.is_required() else "" if inner or info.default is None else f"`{_toml(info.default)}`"
+        default = "required" if info.is_required() else "" if inner or info.default in (None, ()) else f"`{_toml(info.default)}`"
         shown = next((one for one in info.metadata if type(one).__name__ == "Shown"), None)
-        title = getattr(shown, "label", "") or getattr(shown, "title", "")
-        remark = ", ".join([title] * bool(title) + ["(horizontal)"] * (key in horizontal_only))
+        title = getattr(shown, "label", "").replace("{axis}", "radius")
+        what = said.get(key, title)
+        remark = " ".join([what] * bool(what) + ["(horizontal)"] * (key in horizontal_only))
         rows.append(f"| `{key}` | {default} | {_range(info)} | {remark} |")
     return "\n".join(rows) + "\n"
+
+
+def _attributes(docstring: str) -> dict[str, str]:
+    """What a docstring's section of attributes says of each key."""
+    section = re.search(r"\n *(?:Attributes|Parameters)\n *-+\n(.*?)(?:\n *\n|\Z)", docstring, re.DOTALL)
+    found = {}
+    for names, text in re.findall(r"^ {4}(\w[\w, ]*) : [^\n]*\n((?: {8}[^\n]*\n?)+)", section[1] if section else "", re.MULTILINE):
+        plain = " ".join(text.split()).replace("|", "&#124;")
+        found |= dict.fromkeys(names.split(", "), plain)
+    return found
 
 
 def _toml(value: object) -> str:
