@@ -4,6 +4,7 @@
     python3.11 run.py paper           reproduce the paper into exports/paper
     python3.11 run.py COMMAND …       any other mirror-cad command (--help lists them)
     python3.11 run.py test [--long]   lint, types, import rules and tests
+    python3.11 run.py docs            the documents as a site, into exports/docs
 
 The first run installs the locked versions, checked by their hashes; later ones only see that nothing has changed.
 """
@@ -38,12 +39,10 @@ def main(arguments: list[str]) -> int:
     if not arguments:
         print(__doc__)
         return 2
-    testing = arguments[0] == "test"
-    if not _set_up("requirements-test.lock" if testing else "requirements.lock"):
+    here = {"test": _test, "docs": _docs}.get(arguments[0])
+    if not _set_up("requirements-test.lock" if here else "requirements.lock"):
         return 1
-    if not testing:
-        return _call([PYTHON, "-m", "mirror_studio", *arguments])
-    return _test(arguments[1:])
+    return here(arguments[1:]) if here else _call([PYTHON, "-m", "mirror_studio", *arguments])
 
 
 def _set_up(lock: str) -> bool:
@@ -91,6 +90,15 @@ def _test(arguments: list[str]) -> int:
         print(f"→ {named}\n{said.decode(errors='replace')}", file=sys.stderr, end="", flush=True)
         codes.append(process.returncode)
     return next((code for code in codes if code), 0)
+
+
+def _docs(arguments: list[str]) -> int:
+    """The site; a broken link or a name that no longer exists is an error (`strict` in mkdocs.yml)."""
+    os.environ["NO_MKDOCS_2_WARNING"] = "1"  # of another program's plans
+    code = subprocess.call([PYTHON, "-m", "mkdocs", "build", *arguments], cwd=HOME)
+    if code == 0:
+        print("open exports/docs/index.html", file=sys.stderr)
+    return code
 
 
 def _call(command: list[str | Path], **options: object) -> int:

@@ -43,6 +43,11 @@ class Reflector:
     obstacles: SurfaceMesh | None = None
     placement: Placement | None = None
 
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        width, height = (high - low)[:2]
+        return f"<Reflector: {type(self.surface).__name__}, {width:.4g} × {height:.4g} mm>"
+
     @staticmethod
     def from_mirror(mirror: Mirror) -> Reflector:
         """The optical face of a designed mirror, inside its outline, with the glass before one that reflects from the back."""

@@ -37,6 +37,11 @@ class Pose:
     pitch: float = 0.0
     hand: Hand = "left"
 
+    def __repr__(self) -> str:
+        x, y, z = self.centre
+        return (f"<Pose: {self.hand} mirror at ({x:.0f}, {y:.0f}, {z:.0f}) mm, yaw {np.degrees(self.yaw):.2f}°, "
+                f"pitch {np.degrees(self.pitch):.2f}°>")
+
     @cached_property
     def rotation(self) -> Array:
         """Mirror directions to vehicle directions, (3, 3), orthogonal; its determinant is −1 for the right-hand mirror."""
@@ -82,6 +87,9 @@ class Pose:
 
 class _Identity(Pose):
     """Mirror coordinates as they are."""
+
+    def __repr__(self) -> str:
+        return "in mirror coordinates"
 
     @cached_property
     def rotation(self) -> Array:

@@ -42,6 +42,11 @@ class TracedRays:
         result: Mask = self.status == Status.REFLECTED
         return result
 
+    def __repr__(self) -> str:
+        kinds, counts = np.unique(self.status, return_counts=True)
+        told = ", ".join(f"{count} {Status(kind).name.lower()}" for kind, count in zip(kinds, counts, strict=True))
+        return f"<TracedRays: {len(self.status)} rays{', ' * bool(told)}{told}>"
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -80,6 +85,10 @@ class View:
             what = "is inside the mirror" if inside else "is behind the face of the mirror, which is turned away from it"
             raise TraceError(f"the eye {what}: in mirror coordinates it is at ({x:.0f}, {y:.0f}, {z:.0f}) mm, and z must be "
                              f"above {max(highest, 0.0):.0f} mm: check the eye's place, the mirror's centre, yaw and pitch")
+
+    def __repr__(self) -> str:
+        x, y, z = self.eye
+        return f"<View of {self.reflector!r}, {self.pose!r}, eye at ({x:.1f}, {y:.1f}, {z:.1f}) mm>"
 
     @cached_property
     def eye_in_mirror(self) -> Array:
