@@ -13,7 +13,7 @@ from mirror_cad.designed import FLOOR, DesignedCurvature, percent_scale
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline
-from mirror_cad.sections import DecoupledSag, Sag, SagDerivatives
+from mirror_cad.sections import Sag, SagDerivatives
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import (
     ShapeOperator,
@@ -76,7 +76,7 @@ class CurvatureDeviation:
 
 
 def compare_stages(
-    curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag, model: Sag, integrated: Sag,
+    curvature: DesignedCurvature, outline: Outline, reference: Sag, model: Sag, integrated: Sag,
     fitted: BSplineSurface, read_back: BSplineSurface, stl: SurfaceMesh,
     position_tolerance_mm: float, curvature_tolerance_percent: float, limit_percent: float | None,
 ) -> CurvatureDeviation:
@@ -85,12 +85,13 @@ def compare_stages(
     model: the exact surface of the chosen method, what no numerics can remove. integration: its profile as integrated.
     fit: the B-spline. step: that B-spline as read back. stl: the triangles' height and facet normals.
     The parts add up: at every place the sum of the stages' kx (ky, twist, sag) is the total's.
-    Curvatures alone have no sag and no slope: those of `model` and `total` are against the exact decoupled surface.
+    Curvatures alone have no sag and no slope: those of `model` and `total` are against `reference`, the exact decoupled surface
+    or the sphere (`Mirror.reference`).
     """
     grid = Grid.over(outline)
-    against = _of_sag(decoupled, grid)
+    against = _of_sag(reference, grid)
     designed = Stage(curvature.shape(grid.x), against.height, against.normal)
-    states = {"design": designed, "model": against if model is decoupled else _of_sag(model, grid),
+    states = {"design": designed, "model": against if model is reference else _of_sag(model, grid),
               "integration": _of_sag(integrated, grid), "fit": _of_surface(fitted, grid), "step": _of_surface(read_back, grid)}
     rms = rms_norm(designed.shape, grid.weights)
     names = list(states)
@@ -109,11 +110,11 @@ def compare_stages(
                               _percent_fields(final.shape, designed.shape, designed.shape, rms))
 
 
-def against_design(curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag,
+def against_design(curvature: DesignedCurvature, outline: Outline, reference: Sag,
                    surface: BSplineSurface) -> dict[str, Any]:
     """The entry that deviation.json has as `total`, of any surface with u = x, v = y."""
     grid = Grid.over(outline)
-    before = _of_sag(decoupled, grid)
+    before = _of_sag(reference, grid)
     designed = Stage(curvature.shape(grid.x), before.height, before.normal)
     return _deviation(_of_surface(surface, grid), designed, designed.shape, rms_norm(designed.shape, grid.weights), grid)
 

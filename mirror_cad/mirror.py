@@ -30,6 +30,13 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
 from mirror_cad.surfaces.offset import offset_surface
+from mirror_cad.surfaces.sphere import (
+    SPHERE_CURVATURE_PERCENT,
+    SPHERE_DEGREE,
+    SPHERE_POSITION_MM,
+    SphericalSag,
+    spherical_domain,
+)
 
 if TYPE_CHECKING:
     import build123d
@@ -49,7 +56,8 @@ class Mirror:
 
     surface : u = x, v = y.   outline : closed curve in (x, y).   box : the outline's (x_min, x_max, y_min, y_max).
     curvature : the design.   exact : the sag of the decoupled surface by exact quadrature.   model : the exact sag of the
-    method that the spec names; that same one, or the faithful one.   integrated : the model with its profile as integrated.
+    method that the spec names; that same one, the faithful one or the sphere.   integrated : the model with its profile as
+    integrated.
     faithful : how the faithful surface was found, or None.   fit : how the surface was fitted and what it reached.
     matched : the key and value that `match` was solved for.
     notes : what a user should know and no error says.
@@ -101,6 +109,12 @@ class Mirror:
     @cached_property
     def _other_face(self) -> tuple[BSplineSurface, float]:
         return offset_surface(self.surface, self.outline, self.spec.glass.thickness_mm, self.spec.glass.reflecting)
+
+    @property
+    def reference(self) -> Sag:
+        """What height and slope of the model and the total are told against, which the laws alone do not say: the decoupled
+        surface, and the sphere itself where that is asked for."""
+        return self.model if self.spec.surface.method == "sphere" else self.exact
 
     @property
     def left_height_mm(self) -> float:
@@ -193,7 +207,7 @@ class Mirror:
         if self.spec.glass.reflecting == "back":
             # Seen from the glass, where light meets the optical face.
             stl = SurfaceMesh(stl.vertices, stl.faces[:, ::-1].copy())
-        return compare_stages(self.curvature, self.outline, self.exact, self.model, self.integrated, self.surface,
+        return compare_stages(self.curvature, self.outline, self.reference, self.model, self.integrated, self.surface,
                               read_back, stl, self.spec.surface.position_tolerance_mm,
                               self.spec.surface.curvature_tolerance_percent,
                               self.spec.limits.curvature_percent)
@@ -241,11 +255,15 @@ def design(spec: MirrorSpec) -> Mirror:
     kappa, kappa_2 = _series(horizontal, x_low, x_high), _series(vertical, x_low, x_high)
     half = max(half_height, existing_half_height(kappa_2, x_low, x_high, max(-wanted[2], wanted[3])))
     domain = (x_low, x_high, max(wanted[2], -half), min(wanted[3], half))
+    surface_spec = spec.surface
+    sphere: SphericalSag | None = None
+    if surface_spec.method == "sphere":
+        sphere = SphericalSag(float(kappa(0.0)), level_mm)
+        domain = spherical_domain(sphere, box, domain)
     if domain != wanted:
         notes.append(f"the surface reaches x {domain[0]:.1f} to {domain[1]:.1f}, y {domain[2]:.1f} to {domain[3]:.1f} mm, "
                      f"less than blank and margin ask for: beyond, it would be steeper than 80°")
     exact_profile = integrate_exactly(sine_of_tangent_angle(kappa, level_mm), kappa)
-    surface_spec = spec.surface
     profile = exact_profile
     if surface_spec.integration != "quadrature":
         profile = integrate_ode(kappa, exact_profile, surface_spec.integration, surface_spec.step_mm or 1.0)
@@ -264,10 +282,15 @@ def design(spec: MirrorSpec) -> Mirror:
         faithful = closest_surface(designed, outline, exact, domain, rest, degree, spans)
         model = integrated = faithful.sag
         gained, ends, degree = fitting.FAITHFUL_GAINED, faithful.ends, faithful.degree
+    position_mm, percent = surface_spec.position_tolerance_mm, surface_spec.curvature_tolerance_percent
+    if sphere is not None:
+        model = integrated = sphere
+        if surface_spec.fit == "collocation" and spans == "auto":
+            position_mm, percent = min(position_mm, SPHERE_POSITION_MM), min(percent, SPHERE_CURVATURE_PERCENT)
+            degree = SPHERE_DEGREE if degree == "auto" else degree
     rms = designed.rms(outline)
     task = FitTask(integrated, domain, box, fitting.orders_at_breaks(*breaks, gained, width),
-                   lambda x: designed.percent_of(x, rms), surface_spec.position_tolerance_mm,
-                   surface_spec.curvature_tolerance_percent, ends)
+                   lambda x: designed.percent_of(x, rms), position_mm, percent, ends)
     if surface_spec.fit == "collocation":
         fit = fitting.fit_by_collocation(task, degree, spans)
     else:

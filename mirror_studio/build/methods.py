@@ -45,7 +45,7 @@ def compare_methods(mirror: Mirror) -> dict[str, Any]:
                for method in METHODS}
     result: dict[str, Any] = {}
     for method, one in mirrors.items():
-        entry = against_design(one.curvature, one.outline, one.exact, one.surface)
+        entry = against_design(one.curvature, one.outline, one.reference, one.surface)
         face = Reflector.from_mirror(one).uncoated.surface
         h_fov, v_fov = traced_fields_of_view(face, eye, one.box, one.left_height_mm)
         result[method] = {key: entry[key] for key in CURVATURE_KEYS} | {

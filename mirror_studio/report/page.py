@@ -59,6 +59,7 @@ if TYPE_CHECKING:
 METHODS = {
     "decoupled": "decoupled: vertical circles of radius Ry hung on the horizontal profile of Rx",
     "faithful": "faithful: the closest to both laws at once, by least squares on the whole shape operator",
+    "sphere": "sphere: of the one radius that both laws state, fitted to rounding",
 }
 CHECKS = {
     "step_max_mm": "STEP read back by the kernel, farthest point from the design",

@@ -24,7 +24,6 @@ def side_by_side(methods: Mapping[str, Any] | None, built: str, distance_mm: flo
     if not methods:
         return None
     both = [methods[method] for method in METHODS]
-    other = METHODS[1 - METHODS.index(built)]
     flat = both[0]["shape_rms_percent"] is None
     return {
         "columns": [(method, method == built) for method in METHODS], "flat": flat,
@@ -38,7 +37,7 @@ def side_by_side(methods: Mapping[str, Any] | None, built: str, distance_mm: flo
         "change": _change_rows(methods["change"], distance_mm),
         "exchange": [] if flat else exchange_sentences(*both),
         "floor": _floor_sentence(Floor.measured(methods["floor"])),
-        "built": built, "other": other,
+        "built": built, "others": [method for method in METHODS if method != built],
     }
 
 

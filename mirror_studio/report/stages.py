@@ -140,7 +140,8 @@ def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | N
     if model is None:
         return f"The {method} surface of a flat design is the plane itself, and the model adds nothing."
     held = entry["shape_rms_percent"] < held_percent
-    start = _faithful_reason(floor, held) if method == "faithful" else _decoupled_reason(held)
+    start = (SPHERE_REASON if method == "sphere" else
+             _faithful_reason(floor, held) if method == "faithful" else _decoupled_reason(held))
     per_m = max(abs(entry[f"{key}_max_per_m"]) for key in ("k1", "k2"))
     size = f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2 ({with_unit(per_m, '/m')})"
     rest = max(largest_of_pair(deviation.stages[name]) or 0.0 for name in NUMERICAL)
@@ -148,6 +149,9 @@ def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | N
         return f"{size}, and the other stages add nothing."
     share = f", a share of 1 in {count(float(f'{model / rest:.1e}'))}" if 10.0 < model / rest < LARGEST_SHARE else ""
     return f"{size}; integration, fit and STEP add at most {with_unit(rest, '%', 2)} each{share}."
+
+
+SPHERE_REASON = "The model stage is rounding: the model is the sphere of the radius that both laws state, and holds them everywhere."
 
 
 def _decoupled_reason(held: bool) -> str:

@@ -86,7 +86,7 @@ class Designed:
     def deviations(self) -> dict[str, float | None]:
         """The largest and RMS deviation from the laws over the mirror, as deviation.json's `total` has them, %."""
         mirror = self.mirror
-        entry = against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface)
+        entry = against_design(mirror.curvature, mirror.outline, mirror.reference, mirror.surface)
         return {key: entry[key] for key in ("k1_max_percent", "k2_max_percent", "kx_max_percent", "ky_max_percent",
                                             "shape_rms_percent")}
 
