@@ -14,7 +14,7 @@ from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mesh_deviation import MeshDeviation, stl_deviation
 from mirror_cad.outline import Outline
-from mirror_cad.sections import DecoupledSag, Sag, SagDerivatives
+from mirror_cad.sections import Sag, SagDerivatives
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import (
     ShapeOperator,
@@ -297,7 +297,7 @@ class Deviation:
 
 
 def compare_stages(
-    curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag, model: Sag, integrated: Sag,
+    curvature: DesignedCurvature, outline: Outline, reference: Sag, model: Sag, integrated: Sag,
     fitted: BSplineSurface, read_back: BSplineSurface, stl: SurfaceMesh,
     position_tolerance_mm: float, curvature_tolerance_percent: float, limit_percent: float | None,
     *, of_laws: bool = True,
@@ -305,7 +305,7 @@ def compare_stages(
     """Each stage against the one before: design → model → integration → fit → STEP; the total against the design.
 
     The parts add up: at every point the sum of the stages' kx (ky, twist, sag) is the total's.
-    Curvatures alone have no sag and no slope: those of `model` and `total` are against the exact decoupled surface.
+    Curvatures alone have no sag and no slope: those of `model` and `total` are against `reference`.
 
     Parameters
     ----------
@@ -313,8 +313,9 @@ def compare_stages(
         The designed pair 1/Rx(x), 1/Ry(x).
     outline
         What the mirror is trimmed to.
-    decoupled, model, integrated
-        The exact decoupled surface, the exact surface of the chosen method, and that with its profile as integrated.
+    reference, model, integrated
+        The exact decoupled surface, or the sphere where the method is one (`Mirror.reference`); the exact surface of the chosen
+        method, and that with its profile as integrated.
     fitted, read_back
         The B-spline, and the same as read back from STEP.
     stl
@@ -327,9 +328,9 @@ def compare_stages(
         Whether a law asked for the curvature.
     """
     grid = Grid.over(outline)
-    against = _of_sag(decoupled, grid)
+    against = _of_sag(reference, grid)
     designed = SurfaceState(curvature.shape(grid.x), against.height, against.normal)
-    states = SurfaceStates(designed, against if model is decoupled else _of_sag(model, grid), _of_sag(integrated, grid),
+    states = SurfaceStates(designed, against if model is reference else _of_sag(model, grid), _of_sag(integrated, grid),
                            _of_surface(fitted, grid), _of_surface(read_back, grid))
     rms = rms_norm(designed.shape, grid.weights)
     of_model, of_integration, of_fit, of_step = (_deviation(after, before, designed.shape, rms, grid)
@@ -345,11 +346,11 @@ def compare_stages(
                          states.step.shape, designed.shape), designed.shape, rms), of_laws)
 
 
-def against_design(curvature: DesignedCurvature, outline: Outline, decoupled: DecoupledSag,
+def against_design(curvature: DesignedCurvature, outline: Outline, reference: Sag,
                    surface: BSplineSurface) -> StageDeviation:
     """The deviation from the design of any surface with u = x, v = y; see `compare_stages` for the parameters."""
     grid = Grid.over(outline)
-    before = _of_sag(decoupled, grid)
+    before = _of_sag(reference, grid)
     designed = SurfaceState(curvature.shape(grid.x), before.height, before.normal)
     return _deviation(_of_surface(surface, grid), designed, designed.shape, rms_norm(designed.shape, grid.weights), grid)
 

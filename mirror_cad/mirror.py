@@ -42,6 +42,13 @@ from mirror_cad.surfaces.fit import Fit, FitTask
 from mirror_cad.surfaces.from_view import FromView, SplineSag, check_convex, check_convex_surface, surface_from_view
 from mirror_cad.surfaces.offset import offset_surface
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
+from mirror_cad.surfaces.sphere import (
+    SPHERE_CURVATURE_PERCENT,
+    SPHERE_DEGREE,
+    SPHERE_POSITION_MM,
+    SphericalSag,
+    spherical_domain,
+)
 
 if TYPE_CHECKING:
     import build123d
@@ -76,7 +83,7 @@ class Mirror:
     exact : DecoupledSag
         The decoupled surface by exact quadrature.
     model : Sag
-        The exact surface of the method that the spec names: `exact`, or the faithful one.
+        The exact surface of the method that the spec names: `exact`, the faithful one or the sphere.
     integrated : Sag
         The model with its profile as integrated.
     faithful : Faithful or None
@@ -141,6 +148,14 @@ class Mirror:
     @cached_property
     def _other_face(self) -> tuple[BSplineSurface, float]:
         return offset_surface(self.surface, self.outline, self.spec.glass.thickness_mm, self.spec.glass.reflecting)
+
+    @property
+    def reference(self) -> Sag:
+        """What height and slope of the model and the total are told against, which the laws alone do not say.
+
+        The decoupled surface, and the sphere itself where that is asked for.
+        """
+        return self.model if self.spec.surface.method == "sphere" else self.exact
 
     @property
     def left_height_mm(self) -> float:
@@ -289,7 +304,7 @@ class Mirror:
         if self.spec.glass.reflecting == "back":
             # Seen from the glass, where light meets the optical face.
             stl = SurfaceMesh(stl.vertices, stl.faces[:, ::-1].copy())
-        return compare_stages(self.curvature, self.outline, self.exact, self.model, self.integrated, self.surface,
+        return compare_stages(self.curvature, self.outline, self.reference, self.model, self.integrated, self.surface,
                               read_back, stl, self.spec.surface.position_tolerance_mm,
                               self.spec.surface.curvature_tolerance_percent,
                               self.spec.limits.curvature_percent, of_laws=self.from_view is None)
@@ -339,7 +354,10 @@ def design(spec: MirrorSpec) -> Mirror:
     series, limit_notes = _series_as_far_as_it_exists(spec, laws, box)
     designed, exact, profile = _decoupled(spec, laws, series)
     breaks = laws.horizontal.all_breaks(series.kappa), laws.vertical.all_breaks(series.kappa_2)
-    if spec.surface.method == "decoupled":
+    if spec.surface.method == "sphere":
+        sphere = SphericalSag(float(series.kappa(0.0)), laws.level_mm)
+        model = _Model(sphere, sphere, None)
+    elif spec.surface.method == "decoupled":
         half_height = max(abs(box[2]), abs(box[3]))
         check_steps(series.kappa_2, [b.x_mm for b in breaks[1] if b.smoothness < 0], box[0], box[1], half_height)
         model = _Model(exact, exact if profile is exact.profile else DecoupledSag(profile, series.kappa_2), None)
@@ -406,6 +424,8 @@ def _series_as_far_as_it_exists(spec: MirrorSpec, laws: _Laws, box: Box) -> tupl
     kappa, kappa_2 = _series(laws.horizontal, x_low, x_high), _series(laws.vertical, x_low, x_high)
     half = max(half_height, existing_half_height(kappa_2, x_low, x_high, max(-wanted[2], wanted[3])))
     domain = (x_low, x_high, max(wanted[2], -half), min(wanted[3], half))
+    if spec.surface.method == "sphere":
+        domain = spherical_domain(SphericalSag(float(kappa(0.0)), laws.level_mm), box, domain)
     notes = [] if domain == wanted else [
         f"the surface reaches x {domain[0]:.1f} to {domain[1]:.1f}, y {domain[2]:.1f} to {domain[3]:.1f} mm, "
         f"less than blank and margin ask for: beyond, it would be steeper than 80°"]
@@ -434,10 +454,13 @@ def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, mod
     continuity, ends, degree = fitting.DECOUPLED_CONTINUITY, None, surface.degree
     if faithful is not None:
         continuity, ends, degree = fitting.FAITHFUL_CONTINUITY, faithful.ends, faithful.degree
+    position_mm, percent = surface.position_tolerance_mm, surface.curvature_tolerance_percent
+    if surface.method == "sphere" and surface.fit == "collocation" and surface.spans == "auto":
+        position_mm, percent = min(position_mm, SPHERE_POSITION_MM), min(percent, SPHERE_CURVATURE_PERCENT)
+        degree = SPHERE_DEGREE if degree == "auto" else degree
     task = FitTask(model.integrated, domain, outline.bounding_box(),
                    fitting.orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
-                   lambda x: designed.percent_of(x, rms), surface.position_tolerance_mm,
-                   surface.curvature_tolerance_percent, ends)
+                   lambda x: designed.percent_of(x, rms), position_mm, percent, ends)
     if surface.fit == "collocation":
         return fitting.fit_by_collocation(task, degree, surface.spans)
     from mirror_cad.occt.fit import fit_by_kernel

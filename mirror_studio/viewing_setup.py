@@ -48,4 +48,5 @@ class ViewingSetup:
 
     def scene(self, picture: Picture, spec: MirrorSpec) -> ReferencePlane:
         """The picture on the plane, as wide and where [scene] has it."""
-        return ReferencePlane(picture, self.plane_z_mm, spec.scene.width_mm, spec.scene.centre_mm)
+        scene = spec.scene
+        return ReferencePlane.of_image(scene.image, picture, self.plane_z_mm, scene.width_mm, scene.centre_mm)

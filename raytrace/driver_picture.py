@@ -76,9 +76,11 @@ def driver_view(view: View, scene: Scene | Picture | str | Path | None = None, w
         For a picture that cannot be read.
     """
     eye, frame = view.eye_in_mirror, Frame.around(view.box, width_px)
+    on_plane = (float(eye[2]) + PLANE_DISTANCE_MM, PLANE_WIDTH_MM, PLANE_CENTRE_MM)
     if scene is None or isinstance(scene, str | Path):
-        scene = load_picture(BUILT_IN if scene is None else scene)
+        image = BUILT_IN if scene is None else scene
+        scene = ReferencePlane.of_image(image, load_picture(image), *on_plane)
     if isinstance(scene, np.ndarray):
-        scene = ReferencePlane(scene, float(eye[2]) + PLANE_DISTANCE_MM, PLANE_WIDTH_MM, PLANE_CENTRE_MM)
+        scene = ReferencePlane(scene, *on_plane)
     picture, rays = photograph(view.reflector, frame.camera(eye), scene, progress, samples)
     return DriverView(picture, frame, rays)

@@ -23,7 +23,7 @@ from pydantic.functional_validators import PlainValidator
 from pydantic_core import InitErrorDetails
 
 from mirror_cad.keys import ELSEWHERE, AsTuple, Coordinate, Length, Number, Section, Shown
-from mirror_cad.laws import Law
+from mirror_cad.laws import Constant, Law
 from mirror_cad.laws.unstated import Unstated
 from mirror_cad.limits import limit_units
 from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
@@ -89,8 +89,9 @@ class Glass(Section):
 class SurfaceSpec(Section):
     """How the surface is made, of the two laws or of a wanted view, and how closely."""
 
-    method: Annotated[Literal["decoupled", "faithful", "view"],
-                      Shown("Method", words=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful")))] = "decoupled"
+    method: Annotated[Literal["decoupled", "faithful", "sphere", "view"],
+                      Shown("Method", words=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful"),
+                                             ("sphere", "sphere")))] = "decoupled"
     integration: Annotated[Literal["quadrature", "euler", "rk4"],
                            Shown("Integration", words=(("quadrature", "quadrature"), ("euler", "Euler (the paper's)"),
                                                        ("rk4", "Runge–Kutta 4")))] = "quadrature"
@@ -112,9 +113,9 @@ class SurfaceSpec(Section):
             raise ValueError("step_mm belongs to integration = \"euler\" or \"rk4\"; quadrature chooses its own nodes")
         if self.integration != "quadrature" and self.step_mm is None:
             raise ValueError(f"integration = \"{self.integration}\" needs step_mm, the paper's h")
-        if self.method == "faithful" and self.integration != "quadrature":
-            raise ValueError(f"integration = \"{self.integration}\" belongs to method = \"decoupled\": the faithful surface "
-                             "starts from the exact profile")
+        if self.method in ("faithful", "sphere") and self.integration != "quadrature":
+            why = "the faithful surface starts from the exact profile" if self.method == "faithful" else "a sphere has none"
+            raise ValueError(f"integration = \"{self.integration}\" belongs to method = \"decoupled\": {why}")
         if self.method == "view" and (self.integration != "quadrature" or self.fit != "collocation"):
             raise ValueError("method = \"view\" solves for the B-spline itself: it has no integration and no fit of its own")
         if self.fit != "collocation" and (self.degree != "auto" or self.spans != "auto"):
@@ -325,9 +326,17 @@ class MirrorSpec(Section):
                 if getattr(outline, key) > blank.height_mm:
                     faults.append(f"outline.{key} = {getattr(outline, key):g} is higher than the blank "
                                   f"(blank.height_mm = {blank.height_mm:g})")
+        if self.surface.method == "sphere" and not self._of_one_radius():
+            faults.append("surface.method = \"sphere\" needs two constant laws of one radius, but Rx is "
+                          f"{self.horizontal.in_words()} and Ry is {self.vertical.in_words()}: give both law = \"constant\" "
+                          "with the same radius_mm, or take method = \"decoupled\" or \"faithful\", which take any two laws")
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+    def _of_one_radius(self) -> bool:
+        return (isinstance(self.horizontal, Constant) and isinstance(self.vertical, Constant)
+                and self.horizontal.radius_mm == self.vertical.radius_mm)
 
 
     def _faults_of_view(self) -> list[str]:

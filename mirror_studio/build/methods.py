@@ -44,7 +44,7 @@ def compare_methods(mirror: Mirror) -> MethodComparison:
 def _figures(mirror: Mirror, setup: ViewingSetup) -> MethodFigures:
     face = Reflector.from_mirror(mirror).uncoated.surface
     h_fov, v_fov = traced_fields_of_view(face, setup.eye, mirror.box, mirror.left_height_mm)
-    return MethodFigures(against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface),
+    return MethodFigures(against_design(mirror.curvature, mirror.outline, mirror.reference, mirror.surface),
                          math.degrees(h_fov), math.degrees(v_fov),
                          lane_straightness_percent(face, setup.eye, setup.lane, mirror.box))
 

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 METHODS = {
     "decoupled": "decoupled: vertical circles of radius Ry hung on the horizontal profile of Rx",
     "faithful": "faithful: the closest to both laws at once, by least squares on the whole shape operator",
+    "sphere": "sphere: of the one radius that both laws state, fitted to rounding",
     "view": "from the wanted view, by least squares on the reflected rays; there are no curvature laws",
 }
 # Measures that have a row of their own in the report.

@@ -32,8 +32,8 @@ class SideBySide:
         What the driver sees by both, and how far the surfaces are apart.
     exchange, floor
         Sentences on what is gained and lost, and on what no surface can do.
-    built, other
-        The two methods.
+    built, others
+        The method, and what else there is.
     """
 
     columns: list[tuple[str, bool]]
@@ -44,7 +44,7 @@ class SideBySide:
     exchange: list[str]
     floor: str | None
     built: str
-    other: str
+    others: list[str]
 
 
 def side_by_side(methods: MethodComparison | None, built: str, distance_mm: float) -> SideBySide | None:
@@ -74,7 +74,7 @@ def side_by_side(methods: MethodComparison | None, built: str, distance_mm: floa
          ("vertical field of view at the left edge, traced", [fixed_with_unit(one.v_fov_left_deg, "°", 2) for one in both]),
          ("lane straightness, traced", [fixed_with_unit(one.lane_straightness_percent, "%", 1) for one in both])],
         _change_rows(methods.change, distance_mm), [] if flat else exchange_sentences(*both),
-        _floor_sentence(Floor.found(methods.floor)), built, METHODS[1 - METHODS.index(built)])
+        _floor_sentence(Floor.found(methods.floor)), built, [method for method in METHODS if method != built])
 
 
 def exchange_sentences(decoupled: MethodFigures, faithful: MethodFigures) -> list[str]:

@@ -163,13 +163,18 @@ def model_sentences(deviation: Deviation, method: str, floor: Floor | None, held
     if model is None or shape is None:
         return f"The {method} surface of a flat design is the plane itself, and the model adds nothing."
     held = shape < held_percent
-    start = _faithful_reason(floor, held) if method == "faithful" else _decoupled_reason(held)
+    start = (SPHERE_REASON if method == "sphere" else
+             _faithful_reason(floor, held) if method == "faithful" else _decoupled_reason(held))
     size = f"{start} Here it is up to {with_unit(model, '%')} of k1 or k2 ({with_unit(stage.largest_principal_per_m, '/m')})"
     rest = max(one.largest_principal_percent or 0.0 for one in deviation.stages.numerical())
     if rest == 0.0:
         return f"{size}, and the other stages add nothing."
     share = f", a share of 1 in {count(float(f'{model / rest:.1e}'))}" if 10.0 < model / rest < LARGEST_SHARE else ""
     return f"{size}; integration, fit and STEP add at most {with_unit(rest, '%', 2)} each{share}."
+
+
+SPHERE_REASON = ("The model stage is rounding: the model is the sphere of the radius that both laws state, and holds them "
+                 "everywhere.")
 
 
 def _decoupled_reason(held: bool) -> str:

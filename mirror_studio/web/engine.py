@@ -88,7 +88,7 @@ class Designed:
     def deviations(self) -> dict[str, float | None]:
         """The largest and RMS deviation from the laws over the mirror, as deviation.json's `total` has them, %."""
         mirror = self.mirror
-        total = against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface)
+        total = against_design(mirror.curvature, mirror.outline, mirror.reference, mirror.surface)
         return {"k1_max_percent": total.k1.max_percent, "k2_max_percent": total.k2.max_percent,
                 "kx_max_percent": total.kx.max_percent, "ky_max_percent": total.ky.max_percent,
                 "shape_rms_percent": total.shape.rms_percent}

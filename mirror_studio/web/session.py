@@ -32,7 +32,7 @@ from mirror_studio.web.protocol import (
     read_message,
 )
 from mirror_studio.web.reports import Reports
-from mirror_studio.web.state import as_spec
+from mirror_studio.web.state import NO_SPHERE, as_spec, no_sphere
 from mirror_studio.web.uploads import Uploads
 
 if TYPE_CHECKING:
@@ -165,6 +165,8 @@ class Session:
 
         spec = as_spec(message.spec, self._shared.uploads)
         shown = self._seen(spec, message.look, message.fine, reports)
+        if no_sphere(message.spec):
+            shown.header["notes"] = [*shown.header["notes"], NO_SPHERE]
         self._shown = engine.designed(spec), message.look
         _loaded()
         return pack(common | {"type": "shown"} | shown.header, shown.pictures, shown.arrays)

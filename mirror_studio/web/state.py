@@ -50,8 +50,31 @@ def as_look(look: ViewSettings) -> dict[str, Any]:
     return look.model_dump(exclude=OF_THE_PAGE)
 
 
+NO_SPHERE = ("two radii make no sphere: this is the decoupled surface of both laws, until they are constant and of one radius "
+             "again, or another method is chosen")
+
+
+def no_sphere(state: Mapping[str, Any]) -> bool:
+    """Whether the page holds a sphere of which one law was changed: `as_spec` then takes the decoupled surface instead."""
+    across, upright, surface = (state.get(name) for name in ("horizontal", "vertical", "surface"))
+    if not (isinstance(surface, dict) and surface.get("method") == "sphere"
+            and isinstance(across, dict) and isinstance(upright, dict)):
+        return False
+    return any(across.get(key) != upright.get(key) or key not in across for key in ("law", "radius_mm")) \
+        or across["law"] != "constant"
+
+
 def as_spec(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
-    """What the page holds, checked as any specification. Raises: SpecError with every fault, and for files not uploaded."""
+    """What the page holds, checked as any specification; one law of a sphere may be dragged (`no_sphere`).
+
+    Raises: SpecError with every fault, and for files not uploaded.
+    """
+    if no_sphere(state):
+        state = state | {"surface": state["surface"] | {"method": "decoupled"}}
+    return _checked(state, uploads)
+
+
+def _checked(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
     raw = {name: dict(section) if isinstance(section, dict) else section for name, section in state.items()}
     for law in ("horizontal", "vertical"):
         section = raw.get(law)
@@ -94,7 +117,7 @@ def read_toml(text: str, uploads: Uploads) -> tuple[dict[str, Any], dict[str, An
             look = as_look(ViewSettings.model_validate_json(text.split("\n", 1)[0].removeprefix(LOOK_LINE)))
         except ValidationError:
             look = None  # a comment of somebody else's
-    return as_state(as_spec(raw, uploads)), look
+    return as_state(_checked(raw, uploads)), look
 
 
 def files_of(spec: MirrorSpec, uploads: Uploads) -> list[str]:

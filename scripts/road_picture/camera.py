@@ -3,7 +3,8 @@
 The picture lies on a vertical plane ``PLANE_DISTANCE`` = 8200 mm behind the camera.  On it, X points to the right
 as the driver looks at the mirror and Y points up.  It covers X = -6800 ... +2200 mm and Y = -5400 ... +5400 mm.  It is
 stored as a rear-facing camera takes it, so the LEFT edge of the file is X = +2200 and its RIGHT edge is X = -6800;
-the first row is the top.  A driver sees it flipped left to right in the mirror.
+the first row is the top.  A driver sees it flipped left to right in the mirror.  A second, coarser picture of the same
+scene reaches beyond it, for mirrors that look past its edges.
 
 The camera is a pinhole with a shifted lens, ``CAMERA_HEIGHT`` = 2500 mm above a flat, straight road.  The vanishing
 point of the road is X_v = +2200, Y_v = +3720, which is also the height of the horizon.  A world point at lateral
@@ -18,6 +19,7 @@ camera.  Traffic drives towards the camera.  The truck that carries the camera i
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,23 +27,41 @@ from .maths import Array, cosine_directions
 
 # --- picture plane [mm] -------------------------------------------------------------------------------------------
 PLANE_DISTANCE = 8200.0
-X_LEFT_EDGE, X_RIGHT_EDGE = 2200.0, -6800.0  # of the stored file
-Y_TOP, Y_BOTTOM = 5400.0, -5400.0
 X_VANISH, Y_VANISH = 2200.0, 3720.0
-PIXEL_SIZE = 4.0
-COLUMNS = round((X_LEFT_EDGE - X_RIGHT_EDGE) / PIXEL_SIZE)
-ROWS = round((Y_TOP - Y_BOTTOM) / PIXEL_SIZE)
 
 CAMERA_HEIGHT = 2.5  # [m]
 SUPERSAMPLING = 3  # samples per pixel and direction
 
 
-def pixel_centres(first_row: int, rows: int) -> tuple[Array, Array]:
-    """Plane coordinates X and Y [mm] of all pixels in a band of rows, row by row."""
-    row, column_index = np.meshgrid(np.arange(first_row, first_row + rows), np.arange(COLUMNS), indexing="ij")
-    x = X_LEFT_EDGE - (column_index.ravel() + 0.5) * PIXEL_SIZE
-    y = Y_TOP - (row.ravel() + 0.5) * PIXEL_SIZE
-    return x, y
+@dataclass(frozen=True)
+class Window:
+    """A part of the picture plane and the size of its pixels [mm]; ``left`` is that of the stored file, the larger X."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    pixel: float
+
+    @property
+    def columns(self) -> int:
+        """Pixels across."""
+        return round((self.left - self.right) / self.pixel)
+
+    @property
+    def rows(self) -> int:
+        """Pixels from top to bottom."""
+        return round((self.top - self.bottom) / self.pixel)
+
+    def pixel_centres(self, first_row: int, rows: int) -> tuple[Array, Array]:
+        """Plane coordinates X and Y [mm] of all pixels in a band of rows, row by row."""
+        row, column = np.meshgrid(np.arange(first_row, first_row + rows), np.arange(self.columns), indexing="ij")
+        return self.left - (column.ravel() + 0.5) * self.pixel, self.top - (row.ravel() + 0.5) * self.pixel
+
+
+ROAD = Window(2200.0, -6800.0, 5400.0, -5400.0, 4.0)
+# What the road goes on to: with some room, all that the presets' mirrors see.  Beyond X = +3200 the scene has no roadside.
+BEYOND = Window(3200.0, -9000.0, 6800.0, -6800.0, 8.0)
 
 
 def sight_lines(x: Array, y: Array) -> Array:

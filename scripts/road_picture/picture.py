@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from .camera import ROWS
+from .camera import BEYOND, ROAD, Window
 from .cars import car
 from .commercial import truck, van
 from .fittings import plate
@@ -58,8 +58,14 @@ def save(pixels: Array, path: Path) -> None:
     raise RuntimeError(f"the picture takes more than {MAX_BYTES} bytes at every quality tried")
 
 
-def write_picture(path: Path) -> None:
-    """Render the picture band by band and save it."""
+def write_pictures(road: Path, beyond: Path) -> None:
+    """Render the road and what it goes on to, band by band, and save them."""
     scene = build_scene()
-    bands = [scene.render_band(row, min(BAND_ROWS, ROWS - row)) for row in range(0, ROWS, BAND_ROWS)]
+    for window, path in ((ROAD, road), (BEYOND, beyond)):
+        write_picture(scene, window, path)
+
+
+def write_picture(scene: Scene, window: Window, path: Path) -> None:
+    """Render one window of the scene and save it."""
+    bands = [scene.render_band(window, row, min(BAND_ROWS, window.rows - row)) for row in range(0, window.rows, BAND_ROWS)]
     save(encoded(np.concatenate(bands)), path)

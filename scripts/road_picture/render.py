@@ -8,12 +8,10 @@ from embreex.rtcore_scene import EmbreeScene
 
 from .camera import (
     CAMERA_HEIGHT,
-    COLUMNS,
-    PIXEL_SIZE,
     SUPERSAMPLING,
     Y_VANISH,
+    Window,
     ground_points,
-    pixel_centres,
     sample_pattern,
     sight_lines,
 )
@@ -149,13 +147,13 @@ class Scene:
         colour[solid] = hazed(colour[solid], depth[solid])
         return colour
 
-    def render_band(self, first_row: int, rows: int) -> Array:
-        """Linear pixels (rows, COLUMNS, 3): the mean of a regular grid of samples in every pixel."""
-        x, y = pixel_centres(first_row, rows)
+    def render_band(self, window: Window, first_row: int, rows: int) -> Array:
+        """Linear pixels (rows, columns, 3): the mean of a regular grid of samples in every pixel."""
+        x, y = window.pixel_centres(first_row, rows)
         openness = np.ones(len(x))
         below = y < Y_VANISH
         openness[below] = self.ground_openness(*ground_points(x[below], y[below]))
         total = np.zeros((len(x), 3))
         for dx, dy, offset in sample_pattern():
-            total += displayable(self.trace_places(x + dx * PIXEL_SIZE, y + dy * PIXEL_SIZE, openness, offset))
-        return (total / SUPERSAMPLING**2).reshape(rows, COLUMNS, 3)
+            total += displayable(self.trace(x + dx * window.pixel, y + dy * window.pixel, openness, offset))
+        return (total / SUPERSAMPLING**2).reshape(rows, window.columns, 3)
