@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline
 
 from mirror_cad.errors import OutlineError
 from mirror_cad.outline.numbers import (
@@ -102,6 +101,8 @@ class Spline:
         """The spline (x w, y w, w), with coordinates counted from `about`."""
         weights = np.ones(len(self.poles)) if self.weights is None else self.weights / self.weights.max()
         columns = np.column_stack([(self.poles - np.array(about)) * weights[:, None], weights])
+        from scipy.interpolate import BSpline  # a fifth of a second, which a specification alone does not need
+
         return BSpline(self.knots, columns, self.degree)
 
     def point(self, s: ArrayLike) -> FloatArray:
