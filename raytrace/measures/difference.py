@@ -1,4 +1,4 @@
-"""Two reflectors and an eye in, how far apart they send the same rays out."""
+"""How far apart two reflectors send the same rays."""
 
 from __future__ import annotations
 

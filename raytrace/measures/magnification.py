@@ -1,4 +1,4 @@
-"""A view in, by how much the mirror makes things look smaller at each of its places, across and upright, out."""
+"""Angular magnification over a mirror, across and upright: how much smaller than a flat one it shows things."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
         for c, ring in enumerate(rings):
             these = np.flatnonzero(curve == c)
             if these.size:
-                looked[these], sight = edge.along(ring, place[these, 0])
-                at[these] = sight.on_mirror[:, :2]
+                looked[these], traced = edge.along(ring, place[these, 0])
+                at[these] = traced.on_mirror[:, :2]
         found = ray_differentials(view.untrimmed, looked).at()
         values = np.stack([found.horizontal, found.vertical, found.ratio])
         return Samples(np.concatenate([values, -values]), on_edge | view.trace_places(looked).seen, at)

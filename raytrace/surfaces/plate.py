@@ -1,4 +1,4 @@
-"""A plate of glass that reflects from its back: rays are refracted in, reflected and refracted out again."""
+"""A plate of glass that reflects from its back: rays refracted in, reflected and refracted out again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""B-spline surfaces in, the same surfaces as polynomials on each cell of their knots out: what the kernels evaluate."""
+"""B-spline surfaces as polynomials on each cell of their knots: what the kernels evaluate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror's outline in, the part that its bezel leaves to see, and the housing around it, out."""
+"""The part of a mirror's outline that its bezel leaves to see, and the housing around it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An eye and what it looks at in; the rays through the places of its picture out."""
+"""Rays from an eye through the samples of its picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A posed mirror and two eyes in, the view of each and that from the middle between them out; and where a view looks."""
+"""The views of a posed mirror by two eyes and from the middle between them, and where a view looks."""
 
 from __future__ import annotations
 

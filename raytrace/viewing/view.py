@@ -1,4 +1,4 @@
-"""A mirror on a vehicle and one ocular point in; what it shows where, and where it shows a point of the world, out."""
+"""A mirror on a vehicle seen from one ocular point: what it shows where."""
 
 from __future__ import annotations
 

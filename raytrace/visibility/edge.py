@@ -1,4 +1,4 @@
-"""A view in, the edge of what its eye sees reflecting, and where lines of the world cross it, out."""
+"""The edge of what an eye sees reflecting, and where lines of the world cross it."""
 
 from __future__ import annotations
 
@@ -61,17 +61,17 @@ class Edge:
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
         """Places (m, 2) of the edge at shares t (m,) of the way from vertex k to the next, and what the rays there do."""
         places = self.way(k, t)
-        sight = self.view.trace_places(places)
-        lost = ~(sight.seen if self.beyond else _shows(self.view, places, sight))
+        traced = self.view.trace_places(places)
+        lost = ~(traced.seen if self.beyond else _shows(self.view, places, traced))
         if not lost.any():
-            return places, sight
+            return places, traced
         # Where an edge that was looked for is hollow: a straight way between the rays of its vertices.
         after, share = self.following[k], t[:, None]
         points, directions = (one[k] + share * (one[after] - one[k]) for one in (self.points, self.directions))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        points = np.where(lost[:, None], points, sight.points)
+        points = np.where(lost[:, None], points, traced.points)
         return places, TracedRays(np.zeros(len(lost), dtype=np.int8), points,
-                                  np.where(lost[:, None], directions, sight.directions),
+                                  np.where(lost[:, None], directions, traced.directions),
                              self.view.pose.to_mirror(points))
 
     def rings(self) -> tuple[Index, ...]:
@@ -101,9 +101,9 @@ class Edge:
 
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
-        sight = self.view.trace_places(self.places.mean(axis=0)[None])
+        traced = self.view.trace_places(self.places.mean(axis=0)[None])
         mean: Array = self.directions.mean(axis=0)
-        return sight.directions[0] if sight.seen[0] else mean
+        return traced.directions[0] if traced.seen[0] else mean
 
     def shows_more_than_half(self, middle: Array) -> bool:
         """Whether directions may be shown that are opposite to each other; `middle` as above."""
@@ -139,8 +139,8 @@ class Edge:
         sign = np.where(now[k] > 0.0, 1.0, -1.0)
 
         def height(share: Array) -> Array:
-            _, sight = self.between(k, share)
-            found: Array = sign * value(sight.points, sight.directions)
+            _, traced = self.between(k, share)
+            found: Array = sign * value(traced.points, traced.directions)
             return found
 
         share, best = lowest(height, len(k))
@@ -152,8 +152,8 @@ class Edge:
         """Where functions (m,) of rays vanish between shares `low` and `high` of the way from the vertices k (m,) to the next,
         where they have values at_low and at_high (m,) of opposite signs."""
         def at(t: Array) -> Array:
-            _, sight = self.between(k, low + t * (high - low))
-            return value(sight.points, sight.directions)
+            _, traced = self.between(k, low + t * (high - low))
+            return value(traced.points, traced.directions)
 
         return self.between(k, low + roots(at, at_low, at_high) * (high - low))
 
@@ -166,10 +166,10 @@ def edge_of(view: View) -> Edge:
     if face is not None and rim is not None:
         whole = replace(view, reflector=_alone(face).untrimmed)
         places = view.places_of(rim.points)
-        sight = whole.trace_places(places)
-        if sight.seen.all() and np.linalg.norm(sight.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
+        traced = whole.trace_places(places)
+        if traced.seen.all() and np.linalg.norm(traced.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
                 and not _stands_before(view, rim.points):
-            return Edge(view, whole, True, True, places, sight.points, sight.directions, rim.following,
+            return Edge(view, whole, True, True, places, traced.points, traced.directions, rim.following,
                         lambda k, t: view.places_of(rim.at(k, t)))
     return visibility_contour(view)
 
@@ -183,8 +183,8 @@ def _shown_face(view: View) -> BoundedFace | None:
     if len(faces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
         return faces[0]
     places = _grid(view).reshape(-1, 2)
-    sight = view.trace_places(places)
-    shown = np.flatnonzero(_shows(view, places, sight))
+    traced = view.trace_places(places)
+    shown = np.flatnonzero(_shows(view, places, traced))
     if shown.size == 0:
         return None
     rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - view.eye_in_mirror
@@ -195,7 +195,7 @@ def _shown_face(view: View) -> BoundedFace | None:
             seen = alone.status == Status.REFLECTED
             if not np.array_equal(seen, np.isin(asked, shown)):
                 break
-            if np.linalg.norm(alone.points[seen] - sight.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
+            if np.linalg.norm(alone.points[seen] - traced.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
                 break
         else:
             return face
@@ -298,9 +298,10 @@ def visibility_contour(view: View) -> Edge:
                         + share * (2.0 * share - 1.0) * places[after])
         return found
 
-    sight = view.trace_places(places)
+    traced = view.trace_places(places)
     beyond = view.reflector.surface.extends
-    return Edge(view, view.untrimmed if beyond else view, beyond, False, places, sight.points, sight.directions, following, way)
+    asked = view.untrimmed if beyond else view
+    return Edge(view, asked, beyond, False, places, traced.points, traced.directions, following, way)
 
 
 def _middles(view: View, places: Array, following: Index) -> Array:
@@ -337,13 +338,13 @@ def _border(seen: Mask) -> tuple[Index, Index]:
     return start, order[np.searchsorted(name[order], wanted)]
 
 
-def _shows(view: View, places: Array, sight: TracedRays | None = None) -> Mask:
+def _shows(view: View, places: Array, traced: TracedRays | None = None) -> Mask:
     """Whether places (m, 2) show a reflection, and not one from a rim: the mirror looks the way that its face is turned."""
-    sight = sight or view.trace_places(places)
-    normal = sight.directions - view.towards(places)
+    traced = traced or view.trace_places(places)
+    normal = traced.directions - view.towards(places)
     with np.errstate(invalid="ignore"):
         towards = view.pose.directions_to_mirror(normal)[:, 2] / np.linalg.norm(normal, axis=1)
-        shows: Mask = sight.seen & (towards > RIM)
+        shows: Mask = traced.seen & (towards > RIM)
     return shows
 
 
