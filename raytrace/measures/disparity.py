@@ -143,7 +143,8 @@ def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
 
 def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array) -> tuple[Array, Mask, Mask]:
     """Disparity of far directions (n, 3) and of some beside each of them (k, n, 3): (1 + k, n), NaN where a sheet shows one
-    nowhere; and whether each eye sees the first inside."""
+    nowhere; and whether each eye sees the first inside.
+    """
     k, n = len(around), len(directions)
     percent, shown = np.full((1 + k, n), np.nan), np.zeros((2, n), dtype=np.bool_)
     asked = np.flatnonzero(np.isfinite(directions).all(axis=1))

@@ -125,7 +125,8 @@ def _middle(view: View) -> tuple[Array, Array]:
 
 def _lines(angles: Array, step_deg: float) -> Array:
     """Multiples of the step, degrees, from below the least of the angles (n,), radians, and of what lies beside them between
-    the rays that were looked at, to above the largest."""
+    the rays that were looked at, to above the largest.
+    """
     low, high = float(np.degrees(angles.min())), float(np.degrees(angles.max()))
     beside = BESIDE * (high - low) / (LOOK - 1)
     return step_deg * np.arange(np.floor((low - beside) / step_deg), np.ceil((high + beside) / step_deg) + 1.0)

@@ -51,7 +51,8 @@ class SeenGround:
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
     """The ground (X, Y, 0) that the left eye sees in the mirror, the right one, one or the other (`either`, the ambinocular
-    field), and one and the other (`both`, the binocular field)."""
+    field), and one and the other (`both`, the binocular field).
+    """
 
     plan: Plan
     left: SeenGround
@@ -64,7 +65,8 @@ class Ground:
 class SeenWidth:
     """At one distance X behind the ocular points: the intervals of Y (k, 2) in which the ground is seen, mm, by either eye and
     by both; and how wide that is outward of the plane of the flank, mm, from that plane on and without a gap (0 where the
-    ground beside it is not seen)."""
+    ground beside it is not seen).
+    """
 
     x_mm: float
     either: Array

@@ -26,7 +26,8 @@ COARSE = (13, 19)  # columns and rows of such places inside
 @dataclass(frozen=True, slots=True, eq=False)
 class MagnificationMap:
     """Magnification over a mirror: at x (columns,) and y (rows,), mm on the surface in mirror coordinates, (rows, columns)
-    each; places (rows, columns, 2) are where the eye sees it."""
+    each; places (rows, columns, 2) are where the eye sees it.
+    """
 
     x: Array
     y: Array
@@ -55,7 +56,8 @@ class Extent:
 @dataclass(frozen=True, slots=True)
 class MagnificationExtremes:
     """The least and the largest magnification of far objects over all that is seen of a mirror, edge included, to 1e-6 of
-    them; None where nothing is seen. horizontal, vertical and ratio as in `Magnification`."""
+    them; None where nothing is seen. horizontal, vertical and ratio as in `Magnification`.
+    """
 
     horizontal: Extent | None
     vertical: Extent | None
@@ -96,7 +98,8 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
 
 def surface_under(view: View, places: Array) -> Array:
     """(x, y) of what reflects (n, 2), without glass before it, through which the eye looks at places (n, 2): `places_over`
-    the other way round, on the whole sheet."""
+    the other way round, on the whole sheet.
+    """
     at: Array = view.untrimmed.trace_places(places).on_mirror[:, :2].copy()
     if view.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected
         for _ in range(GLASS_STEPS):

@@ -121,7 +121,8 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
 
 def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
     """How the rays from the eye to points (n, 3) of the surface leave: the angle at which each passes the rear edge, in
-    plan, and the angle above the horizon; radians, (n,), NaN where one is not reflected or goes forward."""
+    plan, and the angle above the horizon; radians, (n,), NaN where one is not reflected or goes forward.
+    """
     at = pose.to_mirror(eye)
     trace = reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at)
     points, ways = pose.to_vehicle(trace.points), pose.directions_to_vehicle(trace.directions)

@@ -35,7 +35,7 @@ class EyeViews:
 
 
 def picture_grid(view: View, count: int) -> Array:
-    """count × count places (rows, columns, 2) over all that a view may show, evenly spaced on the picture plane."""
+    """Count × count places (rows, columns, 2) over all that a view may show, evenly spaced on the picture plane."""
     outline = view.places_of(view.reflector.outline())
     low, high = outline.min(axis=0), outline.max(axis=0)
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)

@@ -111,7 +111,8 @@ class Edge:
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
         """Where a function (points (m, 3), directions (m, 3)) -> (m,) changes its sign along the edge: after which vertices,
-        and the places and rays."""
+        and the places and rays.
+        """
         now = value(self.points, self.directions)
         after = now[self.following]
         k = np.flatnonzero((now > 0.0) != (after > 0.0))
@@ -126,7 +127,8 @@ class Edge:
 
     def _turns(self, now: Array, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Array]:
         """After which vertices (m,), at which shares of the way to the next and with which values a function, `now` (n,) at the
-        vertices, has the other sign than at both."""
+        vertices, has the other sign than at both.
+        """
         before = np.empty_like(self.following)
         before[self.following] = np.arange(len(before))
         near = np.stack([now[before], now, now[self.following]])
@@ -150,7 +152,8 @@ class Edge:
     def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array],
                low: Array | float = 0.0, high: Array | float = 1.0) -> tuple[Array, TracedRays]:
         """Where functions (m,) of rays vanish between shares `low` and `high` of the way from the vertices k (m,) to the next,
-        where they have values at_low and at_high (m,) of opposite signs."""
+        where they have values at_low and at_high (m,) of opposite signs.
+        """
         def at(t: Array) -> Array:
             _, traced = self.between(k, low + t * (high - low))
             return value(traced.points, traced.directions)
@@ -160,7 +163,11 @@ class Edge:
 
 @lru_cache(maxsize=8)
 def edge_of(view: View) -> Edge:
-    """The edge of what the eye of a view sees reflecting; that of the last views is kept."""
+    """Find the edge of what the eye of a view sees reflecting; that of the last views is kept.
+
+    It is the rim of the one face that is seen, where there is one without glass that nothing stands before, and is looked for
+    as a contour of visibility else (`visibility_contour`).
+    """
     face = _shown_face(view)
     rim = None if face is None else _rim(face)
     if face is not None and rim is not None:
@@ -227,7 +234,8 @@ def _stands_before(view: View, points: Array) -> bool:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rim:
     """n vertices on the curves that bound a face, points (n, 3), each with the `count` pieces of its curve up to the
-    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v)."""
+    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v).
+    """
 
     evaluate: Evaluate
     start: Array
@@ -279,7 +287,7 @@ def _grid(view: View) -> Array:
 
 
 def visibility_contour(view: View) -> Edge:
-    """The edge as the border of the places of a grid whose rays are reflected, moved to where they cease to be."""
+    """Find the edge as the border of those points of a grid whose rays are reflected, moved to where they cease to be."""
     grid = _grid(view)
     seen = _shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes

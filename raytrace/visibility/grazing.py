@@ -123,7 +123,8 @@ def _brackets(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Arr
 
 def _may_count(host: HostVehicle, which: Index, cell: Index, starts: Array, ends: Array, values: Array) -> Mask:
     """Whether a function's root in a cell may lie on the box: an edge is a segment, as the ray is, and both are crossed or
-    passed by far. Only what is clearly passed by is left out."""
+    passed by far. Only what is clearly passed by is left out.
+    """
     here, after = values[which, cell], values[which, cell + 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(here == after, 0.5, here / (here - after))
@@ -155,7 +156,8 @@ def _may_count(host: HostVehicle, which: Index, cell: Index, starts: Array, ends
 def _turns(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, values: Array, rays: Rays,
            ) -> tuple[Index, Index, Array, Array] | None:
     """Where functions that have one sign at both ends of a cell have the other between: the function, the cell, the share and
-    the value there; None where none does."""
+    the value there; None where none does.
+    """
     if len(at) < 3:
         return None
     three = np.flatnonzero(row[2:] == row[:-2])

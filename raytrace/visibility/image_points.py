@@ -130,7 +130,8 @@ def _start_rays(view: View) -> tuple[Array, TracedRays]:
 
 def _nearest(view: View, targets: Array, at_infinity: bool) -> Array:
     """The points (n, 2) of the grid whose rays pass nearest to targets (n, 3), or leave most nearly along unit directions
-    (n, 3); NaN where the mirror reflects nothing."""
+    (n, 3); NaN where the mirror reflects nothing.
+    """
     starts, first = _start_rays(view)
     if len(starts) == 0:
         return np.full((len(targets), 2), np.nan)

@@ -78,7 +78,8 @@ class LineImage:
 class LineView:
     """A line as the mirror sees it: points of the line by the angle φ at which they are seen from the mirror, about, measured
     from the foot of the perpendicular: s = foot + away·tan φ. So samples are spread over the picture, and the vanishing point,
-    φ = 90°, is a place like others."""
+    φ = 90°, is a place like others.
+    """
 
     view: View
     edge: Edge
@@ -111,7 +112,8 @@ class LineView:
 
     def image_points(self, angle: Array) -> tuple[Array, Mask]:
         """The places (n, 2) that show the line's points at φ (n,), NaN where the sheet shows none, and whether inside the
-        outline."""
+        outline.
+        """
         along = self.along(angle)
         far = np.isinf(along)
         places, seen = np.empty((len(angle), 2)), np.empty(len(angle), dtype=np.bool_)
@@ -139,7 +141,8 @@ class LineView:
 
     def inside(self, stops: Array, at: Array) -> Mask:
         """Whether the mirror shows the parts of the line between its ends and the crossings, stops (k + 2,), whose places are
-        `at` (k, 2)."""
+        `at` (k, 2).
+        """
         if len(at) == 0 or not self.edge.beyond:
             return self.image_points(0.5 * (stops[1:] + stops[:-1]))[1]
         # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
@@ -150,7 +153,8 @@ class LineView:
 
     def segments(self, angle: Array, starts: Array) -> tuple[Array, Array, Array]:
         """The places (n, 2) that show the line's points at φ (n,), by Newton from near by, where their rays leave the mirror,
-        and the points, those far away FAR_MM away."""
+        and the points, those far away FAR_MM away.
+        """
         target = self.line.at(np.minimum(self.along(angle), FAR_MM))
         places, points = follow_image_points(self.edge.view, starts, target)
         return places, points, target

@@ -28,12 +28,23 @@ WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
 
 def visible_intervals(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, host: HostVehicle | None = None,
           low: float = -ENDLESS_MM, high: float = ENDLESS_MM) -> IntervalSet:
-    """The parts of the lines X = value (axis 0) or Y = value (axis 1) in the plane Z = height_mm that an eye sees in a mirror
-    and the host vehicle does not hide, between low and high.
+    """Find the parts of parallel lines of a level plane that an eye sees in a mirror and the host vehicle does not hide.
 
     Exact at both ends: a ray through the mirror's edge, or one that touches the vehicle, meets the line there. It does not hold
     for a mirror that shows one point twice (`raytrace.visibility.orientation`).
-    values : (n,), rising.
+
+    Parameters
+    ----------
+    edge : of what the eye sees reflecting.
+    axis : 0 for lines X = value, 1 for lines Y = value, in the plane Z = height_mm.
+    values : (n,), mm, rising.
+    host : what hides; None for nothing.
+    low, high : mm, between which the lines are looked at.
+
+    Returns
+    -------
+    IntervalSet
+        On rows numbered as the values, mm of the other coordinate.
     """
     if len(edge.places) == 0:
         return IntervalSet(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0))
@@ -122,7 +133,8 @@ def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, 
 
 def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
     """Which straight lines (m,), of two ends each, (2, m, 2) in plan, lie with all of the mirror on the outer side of a plane
-    that bounds the vehicle: it hides nothing of them."""
+    that bounds the vehicle: it hides nothing of them.
+    """
     mirror = edge.points[:, :2]
     found = np.zeros(ends.shape[1], dtype=np.bool_)
     for c, (least, most) in enumerate(((host.front_mm, host.rear_mm), (-host.half_width_mm, host.half_width_mm))):
