@@ -1,4 +1,4 @@
-"""The faces of a CAD file and which of them reflect in, a Reflector out."""
+"""The reflector that the faces of a CAD file make, and which of them reflect."""
 
 from __future__ import annotations
 

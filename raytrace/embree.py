@@ -1,4 +1,4 @@
-"""Triangles and rays in, first hits and shadows out: the only importer of embreex, which checks nothing that it is given."""
+"""First hits and shadows of rays on triangles: the only importer of embreex, which checks nothing that it is given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reflector, camera and scene in, the driver's picture out."""
+"""The driver's picture of what a reflector shows of a scene."""
 
 from __future__ import annotations
 

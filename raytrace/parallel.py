@@ -1,4 +1,4 @@
-"""Work on n rays in, the same work on runs of them on all cores out: for kernels that give up the interpreter lock."""
+"""Runs of n rays on all cores, for kernels that give up the interpreter lock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A reflector as its file has it in, the frame of the face that reflects out: where the mirror's origin, normal and up are.
+"""The frame of the face that reflects: where the origin, normal and up of a mirror are in the coordinates of its file.
 
 The frame belongs to the part, so that a part that is moved takes it along. Its parts, and what decides where the part does not:
 

@@ -105,9 +105,9 @@ def test_a_vehicle_that_is_not_wholly_shown_has_no_size_in_the_mirror() -> None:
 
 
 def test_a_vehicle_is_seen_as_large_in_the_right_hand_mirror() -> None:
-    left = angular_sizes(View(spline("progressive-c"), POSE, EYE), CAR, own=OWN)
+    left = angular_sizes(View(spline("progressive-c"), POSE, EYE), CAR, host=OWN)
     right = angular_sizes(View(spline("progressive-c"), replace(POSE, hand="right"), EYE * [1.0, -1.0, 1.0]),
-                          replace(CAR, y_mm=3500.0), own=OWN)
+                          replace(CAR, y_mm=3500.0), host=OWN)
     for a, b in zip(left, right, strict=True):
         assert a.mirror == pytest.approx(b.mirror, rel=1e-7)
         assert a.flat == pytest.approx(b.flat, rel=1e-7)

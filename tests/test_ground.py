@@ -24,8 +24,9 @@ from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
 from raytrace.visibility.image_points import follow_image_points, image_points
+from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
 from raytrace.visibility.line_image import road_line
-from raytrace.visibility.plan import IntervalSet, both, combined, either, outlines, shown
+from raytrace.visibility.plan import outlines, visible_intervals
 from tests.conftest import designed
 from tests.test_straight_lines import EYE, OWN, ball, flat, posed
 
@@ -71,7 +72,7 @@ def test_a_flat_mirror_shows_what_its_window_shows_the_eye_behind_it() -> None:
         edge = behind + (-behind[2] / way[:, 2])[:, None] * way  # on the ground
         lands = way[:, 2] < 0.0
         x = np.array([4000.0, 10_000.0, 20_000.0])
-        found = shown(edge_of(view), 0, x)
+        found = visible_intervals(edge_of(view), 0, x)
         for row, value in enumerate(x):
             a, b = edge, np.roll(edge, -1, axis=0)
             crossing = ((a[:, 0] > value) != (b[:, 0] > value)) & lands & np.roll(lands, -1)
@@ -86,8 +87,8 @@ def test_the_flanks_shadow_is_a_line_from_the_eye_behind_the_mirror() -> None:
     normal, foot = view.pose.rotation[:, 2], view.pose.offset
     behind = view.eye - 2.0 * ((view.eye - foot) @ normal) * normal
     x = np.array([6000.0, 15_000.0, 40_000.0])
-    found = shown(edge_of(view), 0, x, 0.0, OWN)
-    bare = shown(edge_of(view), 0, x)
+    found = visible_intervals(edge_of(view), 0, x, 0.0, OWN)
+    bare = visible_intervals(edge_of(view), 0, x)
     for row, value in enumerate(x):
         corner = behind[1] + (-870.0 - behind[1]) * (value - behind[0]) / (3900.0 - behind[0])
         assert bare.of(row)[-1, 1] > corner
@@ -151,7 +152,7 @@ def test_seen_at_a_height_and_along_the_road_as_by_inverse_rays() -> None:
     for axis, low, high in ((0, 300.0, 30_000.0), (1, -15_000.0, 2000.0)):
         values = np.sort(rng.uniform(low, high, 12))
         for height in (0.0, 800.0):
-            spans = shown(edge_of(view), axis, values, height, OWN)
+            spans = visible_intervals(edge_of(view), axis, values, height, OWN)
             other = np.sort(rng.uniform(-15_000.0, 2000.0, 60) if axis == 0 else rng.uniform(300.0, 30_000.0, 60))
             grid = np.meshgrid(values, other, indexing="ij")
             points = on_ground(grid[axis], grid[1 - axis], height)
@@ -334,7 +335,7 @@ def test_glass_of_index_1_and_a_sphere_of_a_file_show_their_ground() -> None:
         assert b.both == pytest.approx(a.both, abs=NEAR_MM)
     view = View(ball(), replace(pose, yaw=np.radians(14.0)), EYE)
     x = np.array([5000.0, 15_000.0])
-    spans = shown(edge_of(view), 0, x, 0.0, OWN)
+    spans = visible_intervals(edge_of(view), 0, x, 0.0, OWN)
     for row, value in enumerate(x):
         low, high = spans.of(row)[0]
         y = np.array([low - NEAR_MM, low + NEAR_MM, high - NEAR_MM, high + NEAR_MM])
@@ -343,7 +344,7 @@ def test_glass_of_index_1_and_a_sphere_of_a_file_show_their_ground() -> None:
 
 def test_a_mirror_that_looks_sideways_shows_lines_across_without_an_end() -> None:
     view = View(posed("progressive-c")[0], replace(posed("progressive-c")[1], yaw=np.radians(-20.0)), EYE)
-    spans = shown(edge_of(view), 0, np.array([2000.0, 4000.0]), 0.0, OWN)
+    spans = visible_intervals(edge_of(view), 0, np.array([2000.0, 4000.0]), 0.0, OWN)
     for row, x in enumerate((2000.0, 4000.0)):
         assert spans.of(row)[0, 0] == -1e6
         y = spans.of(row)[0, 1]
@@ -385,12 +386,12 @@ def test_intervals_are_combined_as_their_points_are(a: list[tuple[int, int, int]
     one, other = spans_of(a), spans_of(b)
     points = np.arange(0.25, 30.0, 0.5)
     in_a, in_b = one.mask(4, points), other.mask(4, points)
-    for found, wanted in ((either(one, other), in_a | in_b), (both(one, other), in_a & in_b),
+    for found, wanted in ((union(one, other), in_a | in_b), (intersection(one, other), in_a & in_b),
                           (combined(lambda p, q: p & ~q, one, other), in_a & ~in_b)):
         assert np.array_equal(found.mask(4, points), wanted)
         assert found.total == pytest.approx(0.5 * wanted.sum())
         assert all((found.of(row)[1:, 0] > found.of(row)[:-1, 1]).all() for row in range(4))  # joined where they touch
-    polygons = outlines(either(one, other), np.arange(4.0))
+    polygons = outlines(union(one, other), np.arange(4.0))
     assert all(np.isfinite(polygon).all() for polygon in polygons)
 
 

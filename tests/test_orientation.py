@@ -28,7 +28,7 @@ from raytrace.viewing.view import View
 from raytrace.visibility.edge import _shows, edge_of
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.orientation import _eigenvalues, orientation
-from raytrace.visibility.plan import shown
+from raytrace.visibility.plan import visible_intervals
 from tests.test_drive import ROAD, box_glb
 from tests.test_ground import is_seen, on_ground
 from tests.test_magnification import MIDDLE, STRAIGHT, eye_at, quadric, spline
@@ -191,7 +191,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
 
     x, y = np.array([0.0, 500.0, 3000.0, 8000.0, 30_000.0]), np.array([-15_000.0, -4000.0, -1500.0, 700.0, 9000.0])
     for axis, values, along in ((0, x, y), (1, y, x)):
-        spans = shown(edge, axis, values)  # type: ignore[arg-type]
+        spans = visible_intervals(edge, axis, values)  # type: ignore[arg-type]
         for row, value in enumerate(values):
             points = on_ground(np.full(5, value), along) if axis == 0 else on_ground(along, np.full(5, value))
             seen = [bool(((low < at) & (at < high)).any()) for at in along for low, high in [spans.of(row).T]]

@@ -1,4 +1,4 @@
-"""The compiled search on B-splines: rays and a tree of pieces in, the first place that each ray meets out, in float64.
+"""The compiled search for the first point at which rays meet B-splines, in float64.
 
 No start is guessed. With a, b ⟂ d a ray meets a surface P/w where F = (a·P − w·a·o, b·P − w·b·o) vanishes, and on a piece all
 of F's second derivatives are bounded. A piece is thrown away where F cannot vanish on it; where it can vanish only once,

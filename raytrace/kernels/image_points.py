@@ -133,3 +133,27 @@ def nearest_rays(wanted: Array, at_infinity: bool, points: Array, directions: Ar
                 along /= np.sqrt(x * x + y * y + z * z)
             if along > best:
                 best, nearest[n] = along, m
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def keep_best(going: NDArray[np.intp], missed: Array, at: Array, points: Array, settled: float, passes: float, best: Array,
+              kept: Array, leaving: Array, steps: Array, moving: NDArray[np.int8]) -> int:
+    """Keep what is better of the rays of an index `going` (m,), and say what becomes of each: moving (m,), how many move.
+
+    0 : it is settled.   1 : it takes a step of Newton from here.   2 : it was no better, and takes half the step before, in
+    `steps` (m, 2), from the best.
+    """
+    count = 0
+    for m in range(going.size):
+        n = going[m]
+        now = np.sqrt(missed[m, 0] ** 2 + missed[m, 1] ** 2)
+        if now < best[n]:  # not where it is NaN
+            best[n] = now
+            kept[n, 0], kept[n, 1] = at[m, 0], at[m, 1]
+            leaving[n, 0], leaving[n, 1], leaving[n, 2] = points[m, 0], points[m, 1], points[m, 2]
+            moving[m] = 0 if now <= settled else 1
+            count += moving[m]
+        else:
+            moving[m] = 0 if best[n] <= passes else 2
+        steps[m, 0], steps[m, 1] = 0.5 * steps[m, 0], 0.5 * steps[m, 1]
+    return count

@@ -1,4 +1,4 @@
-"""A mesh in, normals of the smooth surface that its vertices lie on out: one a facet's corner, and between them any place.
+"""Normals of the smooth surface that a mesh's vertices lie on: one a facet's corner, and between them at any point.
 
 A facet's own normal is off by a first-order error in the size of the facets; these are of second order, up to the rim.
 """

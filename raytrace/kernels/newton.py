@@ -1,4 +1,4 @@
-"""The compiled kernels: rays in, points, normals and reflected rays on B-splines out, in float64.
+"""The compiled kernels that trace rays to B-splines, their normals and reflected rays, in float64.
 
 They stand in one file because numba's cache does not notice a change in a compiled function of another module. Each takes
 a run of rays on one thread and gives up the interpreter lock; `raytrace.parallel` hands out the runs. Arrays of vectors

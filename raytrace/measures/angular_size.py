@@ -1,4 +1,4 @@
-"""A box on the road and a view in, how large the driver sees it in the mirror, in a flat one and without, out."""
+"""How large the driver sees a following vehicle: in the mirror, in a flat one in its place, and without."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DISTANCES_MM = (20_000.0, 50_000.0)  # behind the ocular points
 class Face:
     """The front of a following vehicle: an upright rectangle on the ground, across the road, mm.
 
-    width_mm, height_mm : its size.   y_mm : of its middle, to the right of the own vehicle's median plane.
+    width_mm, height_mm : its size.   y_mm : of its middle, to the right of the host vehicle's median plane.
     """
 
     width_mm: float
@@ -50,12 +50,12 @@ class AngularSize:
     direct: tuple[float, float]
 
 
-def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTANCES_MM, own: HostVehicle | None = None,
+def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTANCES_MM, host: HostVehicle | None = None,
                   ) -> tuple[AngularSize, ...]:
     """How large a face is seen at each distance; each size is the angle between two directions of the eye.
 
     The directions are those in which the mirror shows the middles of the face's sides and edges, found on exact rays. It
-    shows the whole face where these four and the four corners lie inside the outline and `own` hides none of them. A mesh
+    shows the whole face where these four and the four corners lie inside the outline and `host` hides none of them. A mesh
     stands for the smooth surface that its vertices lie on.
     """
     view = view.interpolated
@@ -63,9 +63,9 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
     points = np.stack([np.zeros(9), face.y_mm + face.width_mm * across.ravel(), face.height_mm * up.ravel()], axis=1)
     targets = np.concatenate([points + [distance, 0.0, 0.0] for distance in distances_mm])
     places, shown = image_points(view, targets)
-    sight = view.trace_places(places)
-    if own is not None:
-        shown &= ~own.hides(sight.points, targets)
+    traced = view.trace_places(places)
+    if host is not None:
+        shown &= ~host.hides(traced.points, targets)
     seen = view.towards(places)
     found = []
     for k, distance in enumerate(distances_mm):
@@ -75,9 +75,9 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
         flat = None
         if shown[middle]:
             # What a flat mirror shows is seen as from the eye's own image in it.
-            normal = sight.directions[middle] - seen[middle]
+            normal = traced.directions[middle] - seen[middle]
             normal /= np.linalg.norm(normal)
-            image = view.eye - 2.0 * ((view.eye - sight.points[middle]) @ normal) * normal
+            image = view.eye - 2.0 * ((view.eye - traced.points[middle]) @ normal) * normal
             flat = _size(targets[these] - image)
         found.append(AngularSize(float(distance), mirror, flat, _size(targets[these] - view.eye)))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Two eyes' views of a mirror and a lane in, the part of the lane that neither they nor direct view show out."""
+"""The part of a lane that neither the mirror nor direct view shows, for both eyes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
 from raytrace.visibility.intervals import IntervalSet, combined
-from raytrace.visibility.plan import ENDLESS_MM, Axis, Polygon, outlines, shown
+from raytrace.visibility.plan import ENDLESS_MM, Axis, Polygon, outlines, visible_intervals
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ CAR_LENGTH_MM, CAR_WIDTH_MM = 4_500.0, 1_800.0
 
 @dataclass(frozen=True, slots=True)
 class NearLane:
-    """A lane beside the own one: y_min_mm ≤ Y ≤ y_max_mm."""
+    """A lane beside the host vehicle's: y_min_mm ≤ Y ≤ y_max_mm."""
 
     y_min_mm: float
     y_max_mm: float
@@ -63,7 +63,7 @@ class HiddenCar:
     longest_mm: float
 
 
-def blind_zone(left: View, right: View, own: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
+def blind_zone(left: View, right: View, host: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
                direct_view: float = DIRECT_VIEW) -> BlindZone:
     """The points (X, Y, height) of a lane that neither eye sees in the mirror and that are behind the limit of direct view.
 
@@ -77,21 +77,21 @@ def blind_zone(left: View, right: View, own: HostVehicle | None, lane: NearLane,
     middle and the vertices of the outlines are exact; the area is the trapezoidal rule over lines 25 mm apart up to 8 m behind
     the eyes and 0.2 m beyond.
     Source: Platzer, The geometry of automotive rearview mirrors: why blind zones exist and strategies to overcome them, SAE
-    950601 (1995), for the idea; here both eyes, the own vehicle and the height of what is to be seen count.
+    950601 (1995), for the idea; here both eyes, the host vehicle and the height of what is to be seen count.
     """
     eye = 0.5 * (left.eye + right.eye)
-    spans = _blind(left, right, own, 0, LINES_MM, height_mm, (lane.y_min_mm, lane.y_max_mm), eye, direct_view)
-    along = blind_along(left, right, own, lane, height_mm, direct_view)
+    spans = _blind(left, right, host, 0, LINES_MM, height_mm, (lane.y_min_mm, lane.y_max_mm), eye, direct_view)
+    along = blind_along(left, right, host, lane, height_mm, direct_view)
     width = np.bincount(spans.row, spans.high - spans.low, minlength=len(LINES_MM))
     return BlindZone(height_mm, along.of(0), along.total, float(np.trapezoid(width, LINES_MM)), outlines(spans, LINES_MM),
                      bool(width[-1] > 0.0), LINES_MM, spans)
 
 
-def blind_along(left: View, right: View, own: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
+def blind_along(left: View, right: View, host: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
                 direct_view: float = DIRECT_VIEW) -> IntervalSet:
     """The intervals of X along a lane's middle in its blind zone (`blind_zone`), as those of line 0."""
     middle = np.array([0.5 * (lane.y_min_mm + lane.y_max_mm)])
-    return _blind(left, right, own, 1, middle, height_mm, (FROM_MM, TO_MM), 0.5 * (left.eye + right.eye), direct_view)
+    return _blind(left, right, host, 1, middle, height_mm, (FROM_MM, TO_MM), 0.5 * (left.eye + right.eye), direct_view)
 
 
 def hidden_car(zones: tuple[BlindZone, ...], lane: NearLane, length_mm: float = CAR_LENGTH_MM, width_mm: float = CAR_WIDTH_MM,
@@ -139,13 +139,13 @@ def _reach(spare: Array, x: Array, line: NDArray[np.intp], step: int) -> Array:
     return result
 
 
-def _blind(left: View, right: View, own: HostVehicle | None, axis: Axis, values: Array, height_mm: float,
+def _blind(left: View, right: View, host: HostVehicle | None, axis: Axis, values: Array, height_mm: float,
            ends: tuple[float, float], eye: Array, direct_view: float) -> IntervalSet:
     """The parts of lines X or Y = value, between their ends, that no view shows."""
     low, high = ends
     rows = np.arange(len(values))
     lane = IntervalSet(rows, np.full(len(values), low), np.full(len(values), high))
-    in_left, in_right = (shown(edge_of(view), axis, values, height_mm, own, low, high) for view in (left, right))
+    in_left, in_right = (visible_intervals(edge_of(view), axis, values, height_mm, host, low, high) for view in (left, right))
     return combined(lambda whole, a, b, c: whole & ~(a | b | c), lane, in_left, in_right,
                     _direct(axis, values, eye, direct_view).clipped(low, high))
 

@@ -1,4 +1,4 @@
-"""A vertical line of the world and a view in, how far its image leans out."""
+"""How far the image of a vertical line leans."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Tilt:
     image: LineImage
 
 
-def column_tilt(view: View, line: StraightLine, own: HostVehicle | None = None) -> Tilt | None:
+def column_tilt(view: View, line: StraightLine, host: HostVehicle | None = None) -> Tilt | None:
     """The angle between a vertical line's image and the vertical, of the largest part that is seen; None where nothing is.
 
     With a and b the unit directions in which the eye sees the lower and upper end of the image and m = (a + b)/|a + b|:
@@ -43,17 +43,17 @@ def column_tilt(view: View, line: StraightLine, own: HostVehicle | None = None) 
     a flat one leans verticals too. So the same is said of the flat mirror that is tangent where the mirror shows what is seen
     at the middle: its image of the same two points of the line.
     """
-    images = line_images(view, line, own)
+    images = line_images(view, line, host)
     if not images or len(images[0].along_mm) < 2:
         return None
     image = images[0]
     middle = image.places[0] + 0.5 * (image.places[-1] - image.places[0])
-    sight = view.untrimmed.trace_places(np.array([middle]))
+    traced = view.untrimmed.trace_places(np.array([middle]))
     ray = view.towards(middle)
-    normal = sight.directions[0] - ray
+    normal = traced.directions[0] - ray
     normal /= np.linalg.norm(normal)
     ends = line.at(image.along_mm[[0, -1]])
-    behind = ends - 2.0 * ((ends - sight.points[0]) @ normal)[:, None] * normal - view.eye
+    behind = ends - 2.0 * ((ends - traced.points[0]) @ normal)[:, None] * normal - view.eye
     behind /= np.linalg.norm(behind, axis=1, keepdims=True)
     inboard = -side_of(view)
     tilt, flat = (float(inboard * ARCMIN * _lean(*two)) for two in (image.directions[[0, -1]], behind))

@@ -1,4 +1,4 @@
-"""Two reflectors and an eye in, how far apart they send the same rays out."""
+"""How far apart two reflectors send the same rays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ ARCMIN = np.degrees(1.0) * 60.0
 @dataclass(frozen=True, slots=True)
 class ReflectedDifference:
     """Over the rays that both reflect: their count, the angle between the two reflected rays (arc minutes), and the distance
-    between the places where they land on a plane (mm). Largest and RMS; None without a ray that both reflect there."""
+    between the places where they land on a plane (mm). Largest and RMS; None without a ray that both reflect there.
+    """
 
     rays: int
     turn_max_arcmin: float | None = None

@@ -1,4 +1,4 @@
-"""A mirror seen by two eyes in, by how many percent it shows things larger to the left eye than to the right one, out."""
+"""Binocular disparity: by how many percent a mirror shows things larger to the left eye than to the right one."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
     """How much larger the left eye sees what is far away: of the same direction, each eye at its own place of the mirror.
 
     size : which of the sizes of `raytrace.measures.magnification` are compared.
-    It counts what both eyes see inside the outline; what the own vehicle hides is not looked at. Zero for a flat mirror. A
+    It counts what both eyes see inside the outline; what the host vehicle hides is not looked at. Zero for a flat mirror. A
     mesh stands for the smooth surface that its vertices lie on, and its largest rate is one over some facets.
     Source: S. M. O'Day, Binocular Disparity in Aspherical Mirrors, SAE 980918 (1998): the percent change of angular image
     size from one eye to the other, its maximum and its maximum rate of change. There it is a share of one eye's size, of
@@ -115,9 +115,9 @@ class _BothSee:
             these = np.flatnonzero(curve == c)
             if these.size == 0:
                 continue
-            places, sight = edge.along(ring, place[these, 0])
-            directions[these], on_edge_of[these] = sight.directions, eye
-            looked[these], _ = (places, None) if eye == 1 else image_points(middle, sight.directions, at_infinity=True)
+            places, traced = edge.along(ring, place[these, 0])
+            directions[these], on_edge_of[these] = traced.directions, eye
+            looked[these], _ = (places, None) if eye == 1 else image_points(middle, traced.directions, at_infinity=True)
             at[these] = surface_under(middle, looked[these])
         step = middle.reflector.surface.resolution_mm or STEP_MM
         beside = middle.places_over(np.concatenate([at[:, 0] - step, at[:, 0] + step]), np.tile(at[:, 1], 2))
@@ -134,16 +134,17 @@ class _BothSee:
 def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
     """Disparity of the far directions that the middle sees through places (n, 2); NaN where not both eyes see one."""
     result = np.full(len(places), np.nan)
-    sight = views.middle.trace_places(places)
-    seen = np.flatnonzero(sight.seen)
-    (percent,), in_left, in_right = _of_directions(views, sight.directions[seen], size, np.empty((0, len(seen), 3)))
+    traced = views.middle.trace_places(places)
+    seen = np.flatnonzero(traced.seen)
+    (percent,), in_left, in_right = _of_directions(views, traced.directions[seen], size, np.empty((0, len(seen), 3)))
     result[seen] = np.where(in_left & in_right, percent, np.nan)
     return result
 
 
 def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array) -> tuple[Array, Mask, Mask]:
     """Disparity of far directions (n, 3) and of some beside each of them (k, n, 3): (1 + k, n), NaN where a sheet shows one
-    nowhere; and whether each eye sees the first inside."""
+    nowhere; and whether each eye sees the first inside.
+    """
     k, n = len(around), len(directions)
     percent, shown = np.full((1 + k, n), np.nan), np.zeros((2, n), dtype=np.bool_)
     asked = np.flatnonzero(np.isfinite(directions).all(axis=1))

@@ -1,4 +1,4 @@
-"""A reflector and an eye in, the traced horizontal field of view between its two edges out, for whatever reflects."""
+"""The traced horizontal field of view between the two edges of whatever reflects."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | N
     edge = edge_of(view)
     if len(edge.places) == 0:
         return None
-    _, _, sight = edge.crossings(lambda points, _: points[:, 1])
-    if len(sight.points) < 2:
+    _, _, traced = edge.crossings(lambda points, _: points[:, 1])
+    if len(traced.points) < 2:
         return None
-    x = sight.on_mirror[:, 0]
-    return angle_between(sight.directions[np.argmin(x)], sight.directions[np.argmax(x)])
+    x = traced.on_mirror[:, 0]
+    return angle_between(traced.directions[np.argmin(x)], traced.directions[np.argmax(x)])

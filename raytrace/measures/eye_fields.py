@@ -1,4 +1,4 @@
-"""A mirror seen by two eyes in, which far directions each, either and both see along the horizon and upright, out."""
+"""Fields of view of two eyes: which far directions each, either and both see along the horizon and upright."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Interval = tuple[float, float]
 Intervals = tuple[Interval, ...]
 
 GRID_SHAPE = 33  # directions of a part that the mirror shows, ends included, between which the vehicle's edges are looked for
-FAR_MM = 1e9  # a thousand kilometres: where directions that the own vehicle may hide end
+FAR_MM = 1e9  # a thousand kilometres: where directions that the host vehicle may hide end
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class EyeFields:
 
     horizon : along the horizon, azimuths from straight rearward, positive to the right of the vehicle (+Y).
     upright : elevations at the azimuth `azimuth_deg`, which is seen from between the eyes in the middle of the mirror's
-    box; None where the mirror has no such middle.   horizon_clear, upright_clear : the same without what the own vehicle
+    box; None where the mirror has no such middle.   horizon_clear, upright_clear : the same without what the host vehicle
     hides.   between_edges_deg : the contract's traced H-FOV of left eye, middle and right eye: between the rays reflected at
     the box's two edges, y = 0, whatever the pose; None where nothing reflects there.
     """
@@ -80,13 +80,13 @@ def extent(intervals: Intervals) -> float:
     return sum(high - low for low, high in intervals)
 
 
-def eye_fields(views: EyeViews, own: HostVehicle | None = None) -> EyeFields:
+def eye_fields(views: EyeViews, host: HostVehicle | None = None) -> EyeFields:
     """The fields of view of both eyes: an eye sees a far direction d where one of its rays leaves the mirror along d.
 
     The directions of a circle are seen along a curve of the mirror, from where the circle meets the edge of what is shown
     (`raytrace.visibility.edge`) to where it does again: every second part between these directions is seen. Where the own
     vehicle begins to hide is a root along the curve. Both are found on exact rays, to 1e-9° and better where the edge is
-    known. Without `own` nothing is hidden. It does not hold for a mirror that shows directions
+    known. Without `host` nothing is hidden. It does not hold for a mirror that shows directions
     twice (`raytrace.visibility.orientation`).
     """
     x_min, x_max, y_min, y_max = views.middle.box
@@ -98,7 +98,7 @@ def eye_fields(views: EyeViews, own: HostVehicle | None = None) -> EyeFields:
         level = np.array([ahead[0], ahead[1], 0.0]) / np.hypot(ahead[0], ahead[1])
         circles.append(_Circle(np.array([level[1], -level[0], 0.0]), level))
         azimuth = float(np.degrees(np.arctan2(level[1], level[0])))
-    seen = [[_seen(edge_of(view), circle, own) for circle in circles] for view in (views.left, views.right)]
+    seen = [[_seen(edge_of(view), circle, host) for circle in circles] for view in (views.left, views.right)]
     fields = [EyeField(left[k], right[k]) for left, right in zip(*seen, strict=True) for k in (0, 1)]
     upright, upright_clear = (fields[2], fields[3]) if azimuth is not None else (None, None)
     left_deg, middle_deg, right_deg = (_between_edges(view) for view in (views.left, views.middle, views.right))
@@ -125,15 +125,15 @@ class _Circle:
         return result
 
 
-def _seen(edge: Edge, circle: _Circle, own: HostVehicle | None) -> tuple[Intervals, Intervals]:
-    """The intervals of a circle that the mirror shows, and those of them that the own vehicle does not hide."""
+def _seen(edge: Edge, circle: _Circle, host: HostVehicle | None) -> tuple[Intervals, Intervals]:
+    """The intervals of a circle that the mirror shows, and those of them that the host vehicle does not hide."""
     if len(edge.places) == 0:
         return (), ()
-    _, places, sight = edge.crossings(lambda points, directions: circle.off(directions))
+    _, places, traced = edge.crossings(lambda points, directions: circle.off(directions))
     # Counted from the middle of what is shown, so that no interval runs over ±180° but one of what shows that too.
     ahead = edge.middle()
     middle = float(circle.angles(ahead[None])[0])
-    angle = np.mod(circle.angles(sight.directions) - middle + np.pi, 2.0 * np.pi) - np.pi + middle
+    angle = np.mod(circle.angles(traced.directions) - middle + np.pi, 2.0 * np.pi) - np.pi + middle
     if edge.shows_more_than_half(ahead):
         behind, shown = edge.image_points(circle.directions(np.array([middle + np.pi])), at_infinity=True)
         if shown[0]:
@@ -144,13 +144,13 @@ def _seen(edge: Edge, circle: _Circle, own: HostVehicle | None) -> tuple[Interva
     order = np.argsort(angle)
     low, high = order[::2], order[1::2]
     bare = _intervals(angle[low], angle[high])
-    if own is None:
+    if host is None:
         return bare, bare
-    parts = [_unhidden(edge.view, circle, own, angle[[i, j]], places[[i, j]]) for i, j in zip(low, high, strict=True)]
+    parts = [_unhidden(edge.view, circle, host, angle[[i, j]], places[[i, j]]) for i, j in zip(low, high, strict=True)]
     return bare, _intervals(*np.concatenate(parts, axis=1))
 
 
-def _unhidden(view: View, circle: _Circle, own: HostVehicle, ends: Array, at: Array) -> Array:
+def _unhidden(view: View, circle: _Circle, host: HostVehicle, ends: Array, at: Array) -> Array:
     """The parts (2, k) of an interval of a circle that the vehicle does not hide; its ends (2,) are seen at places (2, 2)."""
     def segments(angle: Array, starts: Array) -> tuple[Array, Array, Array]:
         """Places that show directions (n,), where their rays leave the mirror, and how far these reach."""
@@ -169,7 +169,7 @@ def _unhidden(view: View, circle: _Circle, own: HostVehicle, ends: Array, at: Ar
                                   places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
         return start, stop
 
-    found = unhidden(own, np.zeros(len(angle), dtype=np.intp), angle, (starts, stops), rays)
+    found = unhidden(host, np.zeros(len(angle), dtype=np.intp), angle, (starts, stops), rays)
     return np.stack([found.low, found.high])
 
 
@@ -201,7 +201,7 @@ register(Measure("h_fov_between_edges_deg", "between the edges", "°", 2,
                  "angle between the rays reflected at the mirror's two edges, y = 0, for an eye between the two",
                  lambda use: use.record(fields_in_use).between_edges_deg[1], group="Field of view", better="more"))
 register(Measure("horizon_left_deg", "horizon, left eye", "°", 2,
-                 "azimuths of the horizon that the left eye sees beside the own vehicle",
+                 "azimuths of the horizon that the left eye sees beside the host vehicle",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.left), group="Field of view", better="more"))
 register(Measure("horizon_right_deg", "horizon, right eye", "°", 2, "the same for the right eye",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.right), group="Field of view", better="more"))
@@ -210,5 +210,5 @@ register(Measure("horizon_either_deg", "horizon, either eye (ambinocular)", "°"
 register(Measure("horizon_both_deg", "horizon, both eyes (binocular)", "°", 2, "azimuths that both eyes see",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.both), group="Field of view", better="more"))
 register(Measure("upright_either_deg", "upright, either eye", "°", 2,
-                 "elevations shown at the azimuth of the mirror's middle, beside the own vehicle", _upright,
+                 "elevations shown at the azimuth of the mirror's middle, beside the host vehicle", _upright,
                  group="Field of view", better="more"))

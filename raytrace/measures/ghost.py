@@ -22,7 +22,8 @@ SETTLED = 1e-9  # radians between the two leaving rays: some 1e-6 of the smalles
 class Ghost:
     """Over the rays that were compared: their count, the ghost's distance from the image as the eye sees it (arc minutes,
     largest with its place (x, y) mm on the mirror, mean), the front's reflectance (mean and largest), and the light that
-    comes by way of the back (mean), as shares of the light that falls on the plate. None without such a ray."""
+    comes by way of the back (mean), as shares of the light that falls on the plate. None without such a ray.
+    """
 
     rays: int
     max_arcmin: float | None = None
@@ -75,7 +76,8 @@ def reflectance(cosine: Array, index: float) -> Array:
 
 def _seen_apart(glass: GlassPlate, eye: Array, ray: Array, wanted: Array) -> Array:
     """The angle by which the eye's directions have to turn for the rays to leave the glass along `wanted`, radians, (n,);
-    NaN where none is found: where the sheets end, or beside the focus of a concave mirror."""
+    NaN where none is found: where the sheets end, or beside the focus of a concave mirror.
+    """
     a, b = _across(ray)
     left, up = _across(wanted)
 

@@ -1,4 +1,4 @@
-"""A view in, how far the mirror's picture of a 1° grid of the far world is from a flat mirror's, magnified, out."""
+"""Distortion of a 1° grid of the far world against a flat mirror's picture, magnified."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     magnification, different ones across and upright too, and turning; the residual is the angle between u and the
     direction that A has the node in. A flat mirror has none, and none is left only where straight lines stay straight.
     It is the distortion of a lens against a perspective picture (ISO 9039), with a map of six numbers for the scale.
-    Nodes farther than WIDEST from d0 do not count. What the own vehicle hides is not looked at. A mesh stands for the smooth
+    Nodes farther than WIDEST from d0 do not count. What the host vehicle hides is not looked at. A mesh stands for the smooth
     surface that its vertices lie on.
     """
     view = view.interpolated
     looked = picture_grid(view, LOOK).reshape(-1, 2)
-    sight = view.trace_places(looked)
-    ways, seen = sight.directions[sight.seen], view.towards(looked[sight.seen])
+    traced = view.trace_places(looked)
+    ways, seen = traced.directions[traced.seen], view.towards(looked[traced.seen])
     nothing = np.empty(0)
     if len(ways) == 0:
         return GridDistortion(nothing, nothing, np.empty((0, 0, 2)), np.empty((0, 0), dtype=np.bool_), np.empty((0, 0)))
@@ -125,7 +125,8 @@ def _middle(view: View) -> tuple[Array, Array]:
 
 def _lines(angles: Array, step_deg: float) -> Array:
     """Multiples of the step, degrees, from below the least of the angles (n,), radians, and of what lies beside them between
-    the rays that were looked at, to above the largest."""
+    the rays that were looked at, to above the largest.
+    """
     low, high = float(np.degrees(angles.min())), float(np.degrees(angles.max()))
     beside = BESIDE * (high - low) / (LOOK - 1)
     return step_deg * np.arange(np.floor((low - beside) / step_deg), np.ceil((high + beside) / step_deg) + 1.0)

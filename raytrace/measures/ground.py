@@ -1,4 +1,4 @@
-"""Two eyes' views of a mirror and the own vehicle in, the ground that the mirror shows, in plan, out."""
+"""The ground that a mirror shows two eyes beside the host vehicle, in plan."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from raytrace.viewing.aim import Aim, shown_aim
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View, box_of
 from raytrace.visibility.edge import Edge, edge_of
-from raytrace.visibility.intervals import IntervalSet
-from raytrace.visibility.plan import Polygon, both, either, outlines, shown
+from raytrace.visibility.intervals import IntervalSet, intersection, union
+from raytrace.visibility.plan import Polygon, outlines, visible_intervals
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,8 @@ class SeenGround:
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
     """The ground (X, Y, 0) that the left eye sees in the mirror, the right one, one or the other (`either`, the ambinocular
-    field), and one and the other (`both`, the binocular field)."""
+    field), and one and the other (`both`, the binocular field).
+    """
 
     plan: Plan
     left: SeenGround
@@ -64,7 +65,8 @@ class Ground:
 class SeenWidth:
     """At one distance X behind the ocular points: the intervals of Y (k, 2) in which the ground is seen, mm, by either eye and
     by both; and how wide that is outward of the plane of the flank, mm, from that plane on and without a gap (0 where the
-    ground beside it is not seen)."""
+    ground beside it is not seen).
+    """
 
     x_mm: float
     either: Array
@@ -91,8 +93,8 @@ class HorizonMargin:
     aim: Aim
 
 
-def seen_ground(left: View, right: View, own: HostVehicle | None = None, plan: Plan | None = None) -> Ground:
-    """The points of the ground that a mirror shows the left and the right eye, and the own vehicle does not hide.
+def seen_ground(left: View, right: View, host: HostVehicle | None = None, plan: Plan | None = None) -> Ground:
+    """The points of the ground that a mirror shows the left and the right eye, and the host vehicle does not hide.
 
     A point (X, Y, 0) is seen by an eye if the ray from the eye that the mirror reflects through it meets the mirror inside
     its outline, and the way from there to the point does not pass the vehicle's box. Nothing else is looked at: no pillar or
@@ -103,45 +105,45 @@ def seen_ground(left: View, right: View, own: HostVehicle | None = None, plan: P
     plan = plan or Plan.beside(side_of(left))
     (x_low, x_high), (y_low, y_high) = _bounds(plan.x_mm), _bounds(plan.y_mm)
     edges = edge_of(left), edge_of(right)
-    x = np.unique(np.concatenate([plan.x_mm, _lines(edges, own, x_low, x_high)]))
+    x = np.unique(np.concatenate([plan.x_mm, _lines(edges, host, x_low, x_high)]))
     cells = np.searchsorted(x, plan.x_mm)
-    seen = [shown(edge, 0, x, 0.0, own, y_low, y_high) for edge in edges]
+    seen = [visible_intervals(edge, 0, x, 0.0, host, y_low, y_high) for edge in edges]
 
     def of(spans: IntervalSet) -> SeenGround:
         return SeenGround(spans.mask(len(x), plan.y_mm)[cells], outlines(spans, x))
 
-    return Ground(plan, of(seen[0]), of(seen[1]), of(either(*seen)), of(both(*seen)))
+    return Ground(plan, of(seen[0]), of(seen[1]), of(union(*seen)), of(intersection(*seen)))
 
 
-def seen_widths(left: View, right: View, own: HostVehicle, at_mm: tuple[float, ...] = WIDTHS_AT_MM) -> tuple[SeenWidth, ...]:
+def seen_widths(left: View, right: View, host: HostVehicle, at_mm: tuple[float, ...] = WIDTHS_AT_MM) -> tuple[SeenWidth, ...]:
     """Where across the road the ground is seen at distances behind the ocular points, without what the vehicle hides.
 
     Exact: an end is where a ray through the mirror's edge, or one that touches the vehicle, meets the ground.
     Source: UN Regulation 46, paragraph 15.2.4, asks for such widths outward of the plane through the flank, ambinocular.
     """
     x = np.array(sorted(at_mm))
-    seen = [shown(edge_of(view), 0, x, 0.0, own) for view in (left, right)]
-    one, two = either(*seen), both(*seen)
+    seen = [visible_intervals(edge_of(view), 0, x, 0.0, host) for view in (left, right)]
+    one, two = union(*seen), intersection(*seen)
     side = side_of(left)
-    return tuple(SeenWidth(float(value), one.of(row), two.of(row), _from_flank(one.of(row), own, side),
-                           _from_flank(two.of(row), own, side)) for row, value in enumerate(x))
+    return tuple(SeenWidth(float(value), one.of(row), two.of(row), _from_flank(one.of(row), host, side),
+                           _from_flank(two.of(row), host, side)) for row, value in enumerate(x))
 
 
-def nearest_at_flank(left: View, right: View, own: HostVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
+def nearest_at_flank(left: View, right: View, host: HostVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
     """The smallest X at which the ground beside the flank is seen by either eye, and by both, mm; NaN where it is not.
 
     On the line on the ground that runs beside_mm outward of the plane of the flank.
     """
-    y = np.array([side_of(left) * (own.half_width_mm + beside_mm)])
-    seen = [shown(edge_of(view), 1, y, 0.0, own) for view in (left, right)]
-    one, two = either(*seen), both(*seen)
+    y = np.array([side_of(left) * (host.half_width_mm + beside_mm)])
+    seen = [visible_intervals(edge_of(view), 1, y, 0.0, host) for view in (left, right)]
+    one, two = union(*seen), intersection(*seen)
     return (float(one.low[0]) if len(one.low) else np.nan), (float(two.low[0]) if len(two.low) else np.nan)
 
 
-def horizon_margin(view: View, own: HostVehicle) -> HorizonMargin:
+def horizon_margin(view: View, host: HostVehicle) -> HorizonMargin:
     """How the horizon and the end of the flank lie in the mirror as an eye sees it."""
     edge = edge_of(view)
-    aim = shown_aim(view.reflector, view.pose, view.eye, own.rear_edge(view.pose.hand))
+    aim = shown_aim(view.reflector, view.pose, view.eye, host.rear_edge(view.pose.hand))
     x_min, x_max, y_min, y_max = box_of(view.reflector)
     middle = 0.5 * (x_min + x_max)
     _, _, ends = edge.crossings(lambda points, directions: view.pose.to_mirror(points)[:, 0] - middle)
@@ -170,11 +172,11 @@ def _bounds(centres: Array) -> tuple[float, float]:
     return float(centres[0] - half), float(centres[-1] + half)
 
 
-def _lines(edges: tuple[Edge, ...], own: HostVehicle | None, low: float, high: float) -> Array:
+def _lines(edges: tuple[Edge, ...], host: HostVehicle | None, low: float, high: float) -> Array:
     """Lines X = const that outlines need beside the cells': closer ones near by, both ends, the vehicle's, and the tips."""
     lines = [np.arange(low, min(high, FINE_UP_TO_MM), FINE_MM), np.array([low, high])]
-    if own is not None:
-        lines.append(np.array([own.front_mm, own.rear_mm]))
+    if host is not None:
+        lines.append(np.array([host.front_mm, host.rear_mm]))
     for edge in edges:
         with np.errstate(divide="ignore", invalid="ignore"):
             x = edge.points[:, 0] - edge.points[:, 2] * edge.directions[:, 0] / edge.directions[:, 2]
@@ -187,9 +189,9 @@ def _lines(edges: tuple[Edge, ...], own: HostVehicle | None, low: float, high: f
     return every[(every >= low) & (every <= high)]
 
 
-def _from_flank(intervals: Array, own: HostVehicle, side: float) -> float:
+def _from_flank(intervals: Array, host: HostVehicle, side: float) -> float:
     """How far outward of the flank's plane an interval of Y (k, 2) reaches that begins at it or before, mm."""
-    outward = np.sort(side * intervals, axis=1) - own.half_width_mm
+    outward = np.sort(side * intervals, axis=1) - host.half_width_mm
     first = outward[(outward[:, 0] <= TOUCHING_MM) & (outward[:, 1] > 0.0)]
     return float(first[0, 1]) if len(first) else 0.0
 

@@ -29,7 +29,8 @@ MM_PER_M = 1e3
 class Asked:
     """What a scene has measured, mm and radians: the lane beside, its line's Y, the fronts of one vehicle at some distances, a
     column's X, Y and height, distances at which the ground's width counts, where direct view ends, and the height of what may
-    hide in the lane beside."""
+    hide in the lane beside.
+    """
 
     lane: NearLane
     line_y: float | None

@@ -1,4 +1,4 @@
-"""A straight line of the world and a view in, how far its image bends from straight out: the lane's bow."""
+"""The lane's bow: how far the image of a straight line of the world bends."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Bow:
     image: LineImage
 
 
-def line_bow(view: View, line: StraightLine, own: HostVehicle | None = None, samples: int = SAMPLES) -> Bow | None:
+def line_bow(view: View, line: StraightLine, host: HostVehicle | None = None, samples: int = SAMPLES) -> Bow | None:
     """How far the image of a straight line bends, of the largest part that is seen; None where nothing is.
 
     With e(s) the unit direction in which the eye sees the line's point s, a and b those of the image's ends, and
@@ -48,7 +48,7 @@ def line_bow(view: View, line: StraightLine, own: HostVehicle | None = None, sam
     A straight line seen directly or in a plane mirror has bow 0: all of it lies in one plane with the eye, or with the eye's
     own image. The largest of the samples is refined by a parabola through it and its neighbours.
     """
-    images = line_images(view, line, own, samples)
+    images = line_images(view, line, host, samples)
     if not images or len(images[0].along_mm) < MIN_SAMPLES:
         return None
     image = images[0]

@@ -1,4 +1,4 @@
-"""A view in, by how much the mirror makes things look smaller at each of its places, across and upright, out."""
+"""Angular magnification over a mirror, across and upright: how much smaller than a flat one it shows things."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ COARSE = (13, 19)  # columns and rows of such places inside
 @dataclass(frozen=True, slots=True, eq=False)
 class MagnificationMap:
     """Magnification over a mirror: at x (columns,) and y (rows,), mm on the surface in mirror coordinates, (rows, columns)
-    each; places (rows, columns, 2) are where the eye sees it."""
+    each; places (rows, columns, 2) are where the eye sees it.
+    """
 
     x: Array
     y: Array
@@ -55,7 +56,8 @@ class Extent:
 @dataclass(frozen=True, slots=True)
 class MagnificationExtremes:
     """The least and the largest magnification of far objects over all that is seen of a mirror, edge included, to 1e-6 of
-    them; None where nothing is seen. horizontal, vertical and ratio as in `Magnification`."""
+    them; None where nothing is seen. horizontal, vertical and ratio as in `Magnification`.
+    """
 
     horizontal: Extent | None
     vertical: Extent | None
@@ -78,8 +80,8 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
         for c, ring in enumerate(rings):
             these = np.flatnonzero(curve == c)
             if these.size:
-                looked[these], sight = edge.along(ring, place[these, 0])
-                at[these] = sight.on_mirror[:, :2]
+                looked[these], traced = edge.along(ring, place[these, 0])
+                at[these] = traced.on_mirror[:, :2]
         found = ray_differentials(view.untrimmed, looked).at()
         values = np.stack([found.horizontal, found.vertical, found.ratio])
         return Samples(np.concatenate([values, -values]), on_edge | view.trace_places(looked).seen, at)
@@ -96,7 +98,8 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
 
 def surface_under(view: View, places: Array) -> Array:
     """(x, y) of what reflects (n, 2), without glass before it, through which the eye looks at places (n, 2): `places_over`
-    the other way round, on the whole sheet."""
+    the other way round, on the whole sheet.
+    """
     at: Array = view.untrimmed.trace_places(places).on_mirror[:, :2].copy()
     if view.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected
         for _ in range(GLASS_STEPS):

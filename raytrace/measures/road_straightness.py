@@ -1,4 +1,4 @@
-"""A line on the road and a view in, how far its image bends, reckoned as the paper reckons its lane, out."""
+"""Straightness of the image of a line on the road, reckoned as the paper reckons its lane."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RoadStraightness:
     image: LineImage
 
 
-def road_straightness(view: View, line: StraightLine, own: HostVehicle | None = None) -> RoadStraightness | None:
+def road_straightness(view: View, line: StraightLine, host: HostVehicle | None = None) -> RoadStraightness | None:
     """(|Δy_curve| − |Δy_line|)/|Δy_line| in percent for a straight line on the road.
 
     As `raytrace.measures.lane` has it for the reference plane, but between the ends of what the mirror shows of the line:
@@ -51,7 +51,7 @@ def road_straightness(view: View, line: StraightLine, own: HostVehicle | None = 
     Why the figures differ from the reference plane's: docs/derivations/straight-lines.md.
     None where the line is not seen, or its image is level or upright at the far end.
     """
-    images = line_images(view, line, own)
+    images = line_images(view, line, host)
     if not images or len(images[0].along_mm) < MIN_SAMPLES:
         return None
     image = images[0]

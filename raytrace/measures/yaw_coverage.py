@@ -1,4 +1,4 @@
-"""A mirror, where it is put, and angles it is turned by in, what it shows at each out: what a dynamic mirror gains."""
+"""What a mirror shows at each of several yaw angles: what a dynamic mirror gains."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class YawCoverage:
     endless: NDArray[np.bool_]
 
 
-def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: HostVehicle | None, lane: NearLane, turns: Array,
+def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle | None, lane: NearLane, turns: Array,
                  height_mm: float = 0.0, direct_view: float = DIRECT_VIEW) -> YawCoverage:
     """What a mirror shows when its yaw is that of the pose plus each of the turns (n,), radians.
 
     Azimuths are those of level rays that leave the mirror's edge, as the middle between the eyes sees it: 0 straight ahead,
-    90° to the mirror's side, 180° straight back; the own vehicle hides nothing. A positive turn turns the mirror's face towards
-    the vehicle. The blind zone is that of both eyes, along the lane's middle (`blind_zone`).
+    90° to the mirror's side, 180° straight back; the host vehicle hides nothing. A positive turn turns the mirror's face
+    towards the vehicle. The blind zone is that of both eyes, along the lane's middle (`blind_zone`).
     """
     found, endless, may_fold = np.full((len(turns), 3), np.nan), np.zeros(len(turns), dtype=np.bool_), True
     for k, turn in enumerate(turns):
@@ -58,6 +58,6 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, own: HostVehicle 
         azimuth = np.mod(np.arctan2(side_of(middle) * level.directions[:, 1], -level.directions[:, 0]), 2.0 * np.pi)
         if len(azimuth):
             found[k, :2] = azimuth.min(), azimuth.max()
-        blind = blind_along(left, right, own, lane, height_mm, direct_view)
+        blind = blind_along(left, right, host, lane, height_mm, direct_view)
         found[k, 2], endless[k] = blind.total, bool((blind.high >= TO_MM).any())
     return YawCoverage(turns, found[:, 0], found[:, 1], found[:, 2], endless)

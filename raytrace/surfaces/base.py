@@ -214,12 +214,14 @@ class OpticalSurface(ABC):
 
     def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
         """Directions (n, 3), of any length, in which the eye (3,) sees what is reflected at (x, y) of its sheet; NaN where
-        nothing is."""
+        nothing is.
+        """
         return self.points_over(x, y) - eye
 
     def reflected_at(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
         """Points (n, 3) where the rays from the eye that are reflected at (x, y) of its sheet leave it, and their unit
-        directions (n, 3) then; NaN where none is."""
+        directions (n, 3) then; NaN where none is.
+        """
         found = Trace.empty(len(x))
         self.untrimmed().first_hits(Rays(eye[None], np.ascontiguousarray(self.eye_rays(eye, x, y))), found)
         return found.points, found.directions
@@ -370,5 +372,5 @@ def box_of_points(points: Array) -> Box:
 
 
 def grid_points(x: Array, y: Array) -> tuple[Array, Array]:
-    """x and y (m·n,) of the grid of x (m,) and y (n,), y running first."""
+    """X and y (m·n,) of the grid of x (m,) and y (n,), y running first."""
     return np.repeat(x, len(y)), np.tile(y, len(x))

@@ -134,7 +134,8 @@ class MeshSurface(OpticalSurface):
 
     def ray_differentials(self, eye: Array, rays: Array, turns: Array, points: Array, directions: Array) -> tuple[Array, Array]:
         """By exact rays beside: with interpolated normals `resolution_mm` apart and of the fourth order, since what is between
-        vertices is right in the mean only; with its facets', a part of its width, as far as a Newton step has to see."""
+        vertices is right in the mean only; with its facets', a part of its width, as far as a Newton step has to see.
+        """
         smooth = self.normals == "interpolated"
         x_min, x_max, _, _ = self.domain
         apart = self.resolution_mm if smooth else TILT * (x_max - x_min)

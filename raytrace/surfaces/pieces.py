@@ -1,4 +1,4 @@
-"""B-spline surfaces in, the small pieces that they are searched in, with bounds on each, and a tree of their boxes, out.
+"""The small pieces that B-spline surfaces are searched in, with bounds on each, and a tree of their boxes.
 
 A piece is a rectangle of (u, v) inside one cell of the knots, small enough that its normal turns little. What bounds it are
 the Bézier poles of that rectangle: the surface lies in their box, and its second derivatives among those of the poles.

@@ -1,4 +1,4 @@
-"""A plate of glass that reflects from its back: rays are refracted in, reflected and refracted out again."""
+"""A plate of glass that reflects from its back: rays refracted in, reflected and refracted out again."""
 
 from __future__ import annotations
 
@@ -139,7 +139,8 @@ class Plate(OpticalSurface):
 
     def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Points (n, 3) of the front and its unit normals towards the air, at its parameters (n,). Raises: TraceError for a
-        front that is no B-spline."""
+        front that is no B-spline.
+        """
         if not isinstance(self.front, BSplineFace):
             raise TraceError("the plate's front is no B-spline: its ghost is not measured")
         d = self.front.surface.derivatives(u, v)

@@ -1,4 +1,4 @@
-"""B-spline surfaces in, the same surfaces as polynomials on each cell of their knots out: what the kernels evaluate."""
+"""B-spline surfaces as polynomials on each cell of their knots: what the kernels evaluate."""
 
 from __future__ import annotations
 
@@ -64,7 +64,8 @@ class HeightField:
     @staticmethod
     def of(surface: BSplineSurface) -> HeightField | None:
         """The surface as z(x, y) where its parameters are x and y themselves; None where they are not, or where it has a
-        crease, across which no bound on the second derivative holds."""
+        crease, across which no bound on the second derivative holds.
+        """
         cells = None if _has_crease(surface) or not is_graph(surface) else _cells(surface, surface.poles[..., 2:])
         if cells is None:
             return None
@@ -166,7 +167,8 @@ def _coefficients(surface: BSplineSurface, values: Array) -> Array:
 
 def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, Array, Array, Array, Index, Index] | None:
     """Powers, flat coefficients, ends, middles and lookups of Σ N_i·N_j·values_ij, values (n_u, n_v, parts); None where it
-    has none."""
+    has none.
+    """
     coefficients = _coefficients(surface, values)
     powers = next((n for n in PADDED_POWERS if n >= max(coefficients.shape[3:])), None)
     cuts = _cuts(surface.knots_u, surface.degree_u), _cuts(surface.knots_v, surface.degree_v)
@@ -203,7 +205,8 @@ def _power_form(knots: Array, poles: Array, degree: int) -> Array:
 @lru_cache(maxsize=8)  # from one design to the next, mostly the knots of one direction change
 def _taylor_matrices(knots_bytes: bytes, degree: int) -> tuple[NDArray[np.intp], Array]:
     """The knot that starts each span, and what takes the poles that live there to the powers of `_power_form`, (spans, p + 1,
-    p + 1): de Boor's algorithm on each derivative of the p + 1 splines themselves."""
+    p + 1): de Boor's algorithm on each derivative of the p + 1 splines themselves.
+    """
     knots = np.frombuffer(knots_bytes)
     cuts = _cuts(knots, degree)
     spans, at = np.searchsorted(knots, cuts[:-1], side="right") - 1, _middles(cuts)  # the middles that the kernels take

@@ -1,4 +1,4 @@
-"""The trimming loops of a face in, the closed curves that bound it in space, without its seams and poles, out."""
+"""The closed curves that bound a face in space, from its trimming loops, without seams and poles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faces of a file in, those that were drawn in parts as one each, out: what reflects is the mirror, however it was divided."""
+"""Faces that a file divides joined to those that they were drawn as: what reflects is the mirror, however it was divided."""
 
 from __future__ import annotations
 

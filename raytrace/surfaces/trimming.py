@@ -1,4 +1,4 @@
-"""Trimming loops in (u, v) in, whether a place lies inside them out."""
+"""Whether parameters (u, v) lie inside trimming loops."""
 
 from __future__ import annotations
 

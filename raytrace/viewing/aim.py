@@ -1,4 +1,4 @@
-"""A mirror on a vehicle, an eye, and what is to be seen where in; the yaw and pitch that show it there out."""
+"""The yaw and pitch of a mirror at which an eye sees the flank and the horizon where they are wanted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ROUNDS = 9  # below rounding
 class Aim:
     """What the mirror shows where, as seen by the eye it is aimed for.
 
-    flank : share of the mirror's width, from its inboard edge outwards, that the vehicle's own flank takes on the row of
+    flank : share of the mirror's width, from its inboard edge outwards, that the host vehicle's flank takes on the row of
     the horizon. The flank ends at the vertical edge at the vehicle's rear.
     horizon : share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the width.
     Width and height are those of what reflects, (x, y) on the surface in mirror coordinates.
@@ -121,7 +121,8 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
 
 def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
     """How the rays from the eye to points (n, 3) of the surface leave: the angle at which each passes the rear edge, in
-    plan, and the angle above the horizon; radians, (n,), NaN where one is not reflected or goes forward."""
+    plan, and the angle above the horizon; radians, (n,), NaN where one is not reflected or goes forward.
+    """
     at = pose.to_mirror(eye)
     trace = reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at)
     points, ways = pose.to_vehicle(trace.points), pose.directions_to_vehicle(trace.directions)

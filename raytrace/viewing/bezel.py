@@ -1,4 +1,4 @@
-"""A mirror's outline in, the part that its bezel leaves to see, and the housing around it, out."""
+"""The part of a mirror's outline that its bezel leaves to see, and the housing around it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,8 @@ def housing(reflector: Reflector) -> SurfaceMesh:
 
 def edge_loop(reflector: Reflector) -> Array:
     """Points (n, 3) around what reflects: the rim of a single face where that is one curve around all of it, and else the hull
-    in (x, y), as high as what reflects is beside it: of a solid, its front."""
+    in (x, y), as high as what reflects is beside it: of a solid, its front.
+    """
     points = reflector.outline()
     if len(reflector.surface.rim) == 1:
         rim = reflector.surface.rim[0].points

@@ -1,4 +1,4 @@
-"""An eye and what it looks at in; the rays through the places of its picture out."""
+"""Rays from an eye through the samples of its picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ FRAME_MARGIN = 0.05  # of the mirror's width, on every side
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """A pinhole at the eye (3,), mm. The ray through a place (column, row), counted in pixels from the first one's outer
-    corner, has the direction base + column·across + row·down, (3,) each, of any length. Row 0 is at the top."""
+    corner, has the direction base + column·across + row·down, (3,) each, of any length. Row 0 is at the top.
+    """
 
     eye: Array
     base: Array
@@ -33,7 +34,8 @@ class Camera:
     @staticmethod
     def looking_at(eye: Array, target: Array, up: Array, width_rad: float, columns: int, rows: int) -> Camera:
         """A camera whose picture's middle looks at the target; `up` (3,) points upwards in the picture, and the angle
-        between the middles of its left and right side is width_rad. In right-handed coordinates."""
+        between the middles of its left and right side is width_rad. In right-handed coordinates.
+        """
         forward = (target - eye) / np.linalg.norm(target - eye)
         right = np.cross(forward, up)
         right /= np.linalg.norm(right)

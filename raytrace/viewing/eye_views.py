@@ -1,4 +1,4 @@
-"""A posed mirror and two eyes in, the view of each and that from the middle between them out; and where a view looks."""
+"""The views of a posed mirror by two eyes and from the middle between them, and where a view looks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class EyeViews:
 
 
 def picture_grid(view: View, count: int) -> Array:
-    """count × count places (rows, columns, 2) over all that a view may show, evenly spaced on the picture plane."""
+    """Count × count places (rows, columns, 2) over all that a view may show, evenly spaced on the picture plane."""
     outline = view.places_of(view.reflector.outline())
     low, high = outline.min(axis=0), outline.max(axis=0)
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)

@@ -1,4 +1,4 @@
-"""Where a mirror is put on a vehicle, and how it is turned there, in; coordinates of the one in the other out."""
+"""Where a mirror is put on a vehicle and how it is turned there: coordinates of the one in those of the other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The driver's own vehicle and where his eyes are in it, as far as they matter for what a mirror shows."""
+"""The host vehicle and where the driver's eyes are in it, as far as they matter for what a mirror shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mirror on a vehicle and one ocular point in; what it shows where, and where it shows a point of the world, out."""
+"""A mirror on a vehicle seen from one ocular point: what it shows where."""
 
 from __future__ import annotations
 
@@ -27,8 +27,12 @@ EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
 class TracedRays:
     """What n rays from the ocular point meet. In the view's coordinates, mm; rows of rays that are not reflected are NaN.
 
-    status (n,) : what became of each ray, see `Status`.   points, directions (n, 3) : where it leaves the mirror, and in
-    which direction.   on_mirror (n, 3) : the same points in mirror coordinates.
+    Attributes
+    ----------
+    status : (n,), what became of each ray, see `Status`.
+    points : (n, 3), mm, where it leaves the mirror.
+    directions : (n, 3), unit, in which it does.
+    on_mirror : (n, 3), mm, the same points in mirror coordinates.
     """
 
     status: NDArray[np.int8]
@@ -52,7 +56,7 @@ class TracedRays:
 class View:
     """A reflector in its pose, seen from one ocular point.
 
-    Places (…, 2) are those of the picture plane, the mirror's own z = 0, through which the eye's rays go, in mm.
+    Rays from the eye are told by the points (…, 2) at which they meet the picture plane, the mirror's own z = 0, in mm.
 
     Parameters
     ----------
@@ -111,37 +115,68 @@ class View:
         return replace(self, reflector=self.reflector.interpolated)
 
     def trace(self, x: ArrayLike, y: ArrayLike) -> TracedRays:
-        """What the eye's rays through points of the picture plane z = 0 meet.
+        """Trace the eye's rays through points of the picture plane z = 0.
 
         Parameters
         ----------
         x, y : mm, of any shapes that go together; the rays are numbered as their values are in memory.
+
+        Returns
+        -------
+        TracedRays
+            Of as many rays; a ray that the mirror does not reflect has a status that says why.
         """
         at_x, at_y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         return self.trace_places(np.stack([at_x.ravel(), at_y.ravel()], axis=1))
 
     def trace_places(self, places: Array) -> TracedRays:
-        """`trace` through places (n, 2)."""
+        """Trace the eye's rays through points (n, 2) of the picture plane, mm."""
         rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - self.eye_in_mirror
         trace = reflect(self.reflector, self.eye_in_mirror, rays)
         return TracedRays(trace.status, self.pose.to_vehicle(trace.points),
                           self.pose.directions_to_vehicle(trace.directions), trace.points)
 
     def towards(self, places: Array) -> Array:
-        """Unit directions (…, 3) from the eye to places (…, 2), in vehicle coordinates: where things are seen."""
+        """Compute where things are seen: unit directions in vehicle coordinates from the eye to points of the picture plane.
+
+        Parameters
+        ----------
+        places : (…, 2), mm.
+
+        Returns
+        -------
+        (…, 3).
+        """
         rays = np.concatenate([places, np.zeros((*places.shape[:-1], 1))], axis=-1) - self.eye_in_mirror
         rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
         return self.pose.directions_to_vehicle(rays)
 
     def places_of(self, points: Array) -> Array:
-        """Places (…, 2) through which the eye sees points (…, 3) on the mirror, in mirror coordinates."""
+        """Project points on the mirror to the picture plane, along the eye's rays.
+
+        Parameters
+        ----------
+        points : (…, 3), mm, in mirror coordinates.
+
+        Returns
+        -------
+        (…, 2), mm.
+        """
         eye = self.eye_in_mirror
         result: Array = eye[:2] + (points[..., :2] - eye[:2]) * (eye[2] / (eye[2] - points[..., 2]))[..., None]
         return result
 
     def places_over(self, x: Array, y: Array) -> Array:
-        """Places (n, 2) through which the eye looks at what reflects at (x, y), without glass before it; NaN where nothing
-        does, neither inside the outline nor on the sheet beyond."""
+        """Find where on the picture plane the eye looks at what reflects at (x, y), without glass before it.
+
+        Parameters
+        ----------
+        x, y : (n,), mm, on the surface.
+
+        Returns
+        -------
+        (n, 2), mm; NaN where nothing reflects, neither inside the outline nor on the sheet beyond.
+        """
         return self.places_of(self.reflector.surface.points_over(x, y))
 
 
@@ -152,8 +187,17 @@ def box_of(reflector: Reflector) -> Box:
 
 
 def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Array]:
-    """Middles x (columns,) and y (rows,) of equal cells of the mirror's box, and the places (rows, columns, 2) that the
-    eye looks through at them; NaN where the mirror has no surface."""
+    """Divide the mirror's box into equal cells.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.   columns, rows : of cells.
+
+    Returns
+    -------
+    x, y : (columns,) and (rows,), mm, of the cells' middles.
+    places : (rows, columns, 2), mm, of the picture plane, through which the eye looks at them; NaN where there is no surface.
+    """
     x_min, x_max, y_min, y_max = view.box
     x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
     y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows

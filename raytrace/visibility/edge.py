@@ -1,4 +1,4 @@
-"""A view in, the edge of what its eye sees reflecting, and where lines of the world cross it, out."""
+"""The edge of what an eye sees reflecting, and where lines of the world cross it."""
 
 from __future__ import annotations
 
@@ -61,17 +61,17 @@ class Edge:
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
         """Places (m, 2) of the edge at shares t (m,) of the way from vertex k to the next, and what the rays there do."""
         places = self.way(k, t)
-        sight = self.view.trace_places(places)
-        lost = ~(sight.seen if self.beyond else _shows(self.view, places, sight))
+        traced = self.view.trace_places(places)
+        lost = ~(traced.seen if self.beyond else _shows(self.view, places, traced))
         if not lost.any():
-            return places, sight
+            return places, traced
         # Where an edge that was looked for is hollow: a straight way between the rays of its vertices.
         after, share = self.following[k], t[:, None]
         points, directions = (one[k] + share * (one[after] - one[k]) for one in (self.points, self.directions))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        points = np.where(lost[:, None], points, sight.points)
+        points = np.where(lost[:, None], points, traced.points)
         return places, TracedRays(np.zeros(len(lost), dtype=np.int8), points,
-                                  np.where(lost[:, None], directions, sight.directions),
+                                  np.where(lost[:, None], directions, traced.directions),
                              self.view.pose.to_mirror(points))
 
     def rings(self) -> tuple[Index, ...]:
@@ -101,9 +101,9 @@ class Edge:
 
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
-        sight = self.view.trace_places(self.places.mean(axis=0)[None])
+        traced = self.view.trace_places(self.places.mean(axis=0)[None])
         mean: Array = self.directions.mean(axis=0)
-        return sight.directions[0] if sight.seen[0] else mean
+        return traced.directions[0] if traced.seen[0] else mean
 
     def shows_more_than_half(self, middle: Array) -> bool:
         """Whether directions may be shown that are opposite to each other; `middle` as above."""
@@ -111,7 +111,8 @@ class Edge:
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
         """Where a function (points (m, 3), directions (m, 3)) -> (m,) changes its sign along the edge: after which vertices,
-        and the places and rays."""
+        and the places and rays.
+        """
         now = value(self.points, self.directions)
         after = now[self.following]
         k = np.flatnonzero((now > 0.0) != (after > 0.0))
@@ -126,7 +127,8 @@ class Edge:
 
     def _turns(self, now: Array, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Array]:
         """After which vertices (m,), at which shares of the way to the next and with which values a function, `now` (n,) at the
-        vertices, has the other sign than at both."""
+        vertices, has the other sign than at both.
+        """
         before = np.empty_like(self.following)
         before[self.following] = np.arange(len(before))
         near = np.stack([now[before], now, now[self.following]])
@@ -139,8 +141,8 @@ class Edge:
         sign = np.where(now[k] > 0.0, 1.0, -1.0)
 
         def height(share: Array) -> Array:
-            _, sight = self.between(k, share)
-            found: Array = sign * value(sight.points, sight.directions)
+            _, traced = self.between(k, share)
+            found: Array = sign * value(traced.points, traced.directions)
             return found
 
         share, best = lowest(height, len(k))
@@ -150,26 +152,31 @@ class Edge:
     def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array],
                low: Array | float = 0.0, high: Array | float = 1.0) -> tuple[Array, TracedRays]:
         """Where functions (m,) of rays vanish between shares `low` and `high` of the way from the vertices k (m,) to the next,
-        where they have values at_low and at_high (m,) of opposite signs."""
+        where they have values at_low and at_high (m,) of opposite signs.
+        """
         def at(t: Array) -> Array:
-            _, sight = self.between(k, low + t * (high - low))
-            return value(sight.points, sight.directions)
+            _, traced = self.between(k, low + t * (high - low))
+            return value(traced.points, traced.directions)
 
         return self.between(k, low + roots(at, at_low, at_high) * (high - low))
 
 
 @lru_cache(maxsize=8)
 def edge_of(view: View) -> Edge:
-    """The edge of what the eye of a view sees reflecting; that of the last views is kept."""
+    """Find the edge of what the eye of a view sees reflecting; that of the last views is kept.
+
+    It is the rim of the one face that is seen, where there is one without glass that nothing stands before, and is looked for
+    as a contour of visibility else (`visibility_contour`).
+    """
     face = _shown_face(view)
     rim = None if face is None else _rim(face)
     if face is not None and rim is not None:
         whole = replace(view, reflector=_alone(face).untrimmed)
         places = view.places_of(rim.points)
-        sight = whole.trace_places(places)
-        if sight.seen.all() and np.linalg.norm(sight.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
+        traced = whole.trace_places(places)
+        if traced.seen.all() and np.linalg.norm(traced.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
                 and not _stands_before(view, rim.points):
-            return Edge(view, whole, True, True, places, sight.points, sight.directions, rim.following,
+            return Edge(view, whole, True, True, places, traced.points, traced.directions, rim.following,
                         lambda k, t: view.places_of(rim.at(k, t)))
     return visibility_contour(view)
 
@@ -183,8 +190,8 @@ def _shown_face(view: View) -> BoundedFace | None:
     if len(faces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
         return faces[0]
     places = _grid(view).reshape(-1, 2)
-    sight = view.trace_places(places)
-    shown = np.flatnonzero(_shows(view, places, sight))
+    traced = view.trace_places(places)
+    shown = np.flatnonzero(_shows(view, places, traced))
     if shown.size == 0:
         return None
     rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - view.eye_in_mirror
@@ -195,7 +202,7 @@ def _shown_face(view: View) -> BoundedFace | None:
             seen = alone.status == Status.REFLECTED
             if not np.array_equal(seen, np.isin(asked, shown)):
                 break
-            if np.linalg.norm(alone.points[seen] - sight.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
+            if np.linalg.norm(alone.points[seen] - traced.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
                 break
         else:
             return face
@@ -227,7 +234,8 @@ def _stands_before(view: View, points: Array) -> bool:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rim:
     """n vertices on the curves that bound a face, points (n, 3), each with the `count` pieces of its curve up to the
-    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v)."""
+    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v).
+    """
 
     evaluate: Evaluate
     start: Array
@@ -279,7 +287,7 @@ def _grid(view: View) -> Array:
 
 
 def visibility_contour(view: View) -> Edge:
-    """The edge as the border of the places of a grid whose rays are reflected, moved to where they cease to be."""
+    """Find the edge as the border of those points of a grid whose rays are reflected, moved to where they cease to be."""
     grid = _grid(view)
     seen = _shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
@@ -298,9 +306,10 @@ def visibility_contour(view: View) -> Edge:
                         + share * (2.0 * share - 1.0) * places[after])
         return found
 
-    sight = view.trace_places(places)
+    traced = view.trace_places(places)
     beyond = view.reflector.surface.extends
-    return Edge(view, view.untrimmed if beyond else view, beyond, False, places, sight.points, sight.directions, following, way)
+    asked = view.untrimmed if beyond else view
+    return Edge(view, asked, beyond, False, places, traced.points, traced.directions, following, way)
 
 
 def _middles(view: View, places: Array, following: Index) -> Array:
@@ -337,13 +346,13 @@ def _border(seen: Mask) -> tuple[Index, Index]:
     return start, order[np.searchsorted(name[order], wanted)]
 
 
-def _shows(view: View, places: Array, sight: TracedRays | None = None) -> Mask:
+def _shows(view: View, places: Array, traced: TracedRays | None = None) -> Mask:
     """Whether places (m, 2) show a reflection, and not one from a rim: the mirror looks the way that its face is turned."""
-    sight = sight or view.trace_places(places)
-    normal = sight.directions - view.towards(places)
+    traced = traced or view.trace_places(places)
+    normal = traced.directions - view.towards(places)
     with np.errstate(invalid="ignore"):
         towards = view.pose.directions_to_mirror(normal)[:, 2] / np.linalg.norm(normal, axis=1)
-        shows: Mask = sight.seen & (towards > RIM)
+        shows: Mask = traced.seen & (towards > RIM)
     return shows
 
 

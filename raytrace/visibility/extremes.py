@@ -23,7 +23,8 @@ OVERSHOOT = 0.5  # of the change to a neighbouring sample: how much higher than 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
     """m functions at n places: values (m, n), NaN where there are none; inside (n,) : whether a place counts; at (n, 2) : where
-    it is. Values beside what counts help to tell where the largest may be."""
+    it is. Values beside what counts help to tell where the largest may be.
+    """
 
     values: Array
     inside: Mask
@@ -37,7 +38,8 @@ Evaluate = Callable[[Index, Array], Samples]
 @dataclass(frozen=True, slots=True, eq=False)
 class Largest:
     """The largest of the values of each of m functions, (m,), NaN without one, and where: at (m, 2) as in `Samples`, curve (m,)
-    and place (m, 2) as they were asked for."""
+    and place (m, 2) as they were asked for.
+    """
 
     value: Array
     at: Array

@@ -26,7 +26,7 @@ GRAZING = 1e-3  # of a cell: nearer to a root, a sample's own ray may graze with
 SAME = 1e-13  # of the parameter's size: roots this near are one
 
 
-def grazing_functions(own: HostVehicle, starts: Array, ends: Array) -> Array:
+def grazing_functions(host: HostVehicle, starts: Array, ends: Array) -> Array:
     """Smooth functions of a segment whose signs say whether a box hides its end.
 
     With the segment q + s·w, w = T − q, 0 ≤ s ≤ 1, and the box's planes c on each axis:
@@ -47,7 +47,7 @@ def grazing_functions(own: HostVehicle, starts: Array, ends: Array) -> Array:
     -------
     (24, n) : the edges' in the order of EDGES, mm, the starts', mm, and the ends'.
     """
-    low, high = own.corners
+    low, high = host.corners
     way = (ends - starts).T
     length = np.sqrt(np.einsum("in,in->n", way, way))
     to_planes = np.stack([low[:, None] - starts.T, high[:, None] - starts.T])  # (2, 3, n)
@@ -59,7 +59,7 @@ def grazing_functions(own: HostVehicle, starts: Array, ends: Array) -> Array:
     return found
 
 
-def unhidden(own: HostVehicle, row: Index, at: Array, samples: Segments, rays: Rays) -> IntervalSet:
+def unhidden(host: HostVehicle, row: Index, at: Array, samples: Segments, rays: Rays) -> IntervalSet:
     """The intervals of a parameter, on numbered rows, in which a box does not hide the ends of segments that move with it.
 
     Every end of an interval is the end of a row's samples or a root of one of the `grazing_functions`, on segments that `rays`
@@ -82,33 +82,33 @@ def unhidden(own: HostVehicle, row: Index, at: Array, samples: Segments, rays: R
     if n == 0:
         return IntervalSet(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0))
     starts, ends = samples
-    values = grazing_functions(own, starts, ends)
-    which, cell, low, high, at_low, at_high = _brackets(own, row, at, starts, ends, values, rays)
+    values = grazing_functions(host, starts, ends)
+    which, cell, low, high, at_low, at_high = _brackets(host, row, at, starts, ends, values, rays)
 
     def function(share: Array) -> Array:
-        found: Array = _one_each(own, which, *rays(cell, low + share * (high - low)))
+        found: Array = _one_each(host, which, *rays(cell, low + share * (high - low)))
         return np.where(np.isfinite(found), found, at_low)
 
     share = low + roots(function, at_low, at_high) * (high - low) if len(cell) else np.zeros(0)
-    return _classified(own, row, at, starts, ends, rays, cell, share)
+    return _classified(host, row, at, starts, ends, rays, cell, share)
 
 
-def _one_each(own: HostVehicle, which: Index, starts: Array, ends: Array) -> Array:
+def _one_each(host: HostVehicle, which: Index, starts: Array, ends: Array) -> Array:
     """One of the grazing functions for each segment, (n,)."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        found: Array = grazing_functions(own, starts, ends)[which, np.arange(len(which))]
+        found: Array = grazing_functions(host, starts, ends)[which, np.arange(len(which))]
     return found
 
 
-def _brackets(own: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, values: Array, rays: Rays,
+def _brackets(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, values: Array, rays: Rays,
               ) -> tuple[Index, Index, Array, Array, Array, Array]:
     """Which function changes its sign in which cell, between which shares of it, and its values there; (m,) each."""
     inner = row[1:] == row[:-1]
     positive = values > 0.0
     which, cell = np.nonzero((positive[:, 1:] != positive[:, :-1]) & inner)
-    kept = _may_count(own, which, cell, starts, ends, values)
+    kept = _may_count(host, which, cell, starts, ends, values)
     which, cell = which[kept], cell[kept]
-    turns = _turns(own, row, at, starts, ends, values, rays)
+    turns = _turns(host, row, at, starts, ends, values, rays)
     low, high = np.zeros(len(cell)), np.ones(len(cell))
     at_low, at_high = values[which, cell], values[which, cell + 1]
     if turns is not None:
@@ -121,16 +121,17 @@ def _brackets(own: HostVehicle, row: Index, at: Array, starts: Array, ends: Arra
     return which, cell, low, high, at_low, at_high
 
 
-def _may_count(own: HostVehicle, which: Index, cell: Index, starts: Array, ends: Array, values: Array) -> Mask:
+def _may_count(host: HostVehicle, which: Index, cell: Index, starts: Array, ends: Array, values: Array) -> Mask:
     """Whether a function's root in a cell may lie on the box: an edge is a segment, as the ray is, and both are crossed or
-    passed by far. Only what is clearly passed by is left out."""
+    passed by far. Only what is clearly passed by is left out.
+    """
     here, after = values[which, cell], values[which, cell + 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(here == after, 0.5, here / (here - after))
     share = np.clip(share, 0.0, 1.0)[:, None]
     start = starts[cell] + share * (starts[cell + 1] - starts[cell])
     way = ends[cell] - starts[cell] + share * (ends[cell + 1] - starts[cell + 1] - ends[cell] + starts[cell])
-    low, high = own.corners
+    low, high = host.corners
     edge = which < len(EDGES)
     table = np.array(EDGES)[np.where(edge, which, 0)]
     pick = np.arange(len(which))
@@ -152,10 +153,11 @@ def _may_count(own: HostVehicle, which: Index, cell: Index, starts: Array, ends:
     return ~passed
 
 
-def _turns(own: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, values: Array, rays: Rays,
+def _turns(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, values: Array, rays: Rays,
            ) -> tuple[Index, Index, Array, Array] | None:
     """Where functions that have one sign at both ends of a cell have the other between: the function, the cell, the share and
-    the value there; None where none does."""
+    the value there; None where none does.
+    """
     if len(at) < 3:
         return None
     three = np.flatnonzero(row[2:] == row[:-2])
@@ -167,17 +169,17 @@ def _turns(own: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, 
     if len(pairs) == 0:
         return None
     which, cell = np.unique(pairs, axis=0).T
-    kept = _may_count(own, which, cell, starts, ends, values)
+    kept = _may_count(host, which, cell, starts, ends, values)
     which, cell = which[kept], cell[kept]
     if len(cell) == 0:
         return None
     sign = np.where(values[which, cell] > 0.0, 1.0, -1.0)
-    share, best = lowest(lambda share: sign * _one_each(own, which, *rays(cell, share)), len(cell))
+    share, best = lowest(lambda share: sign * _one_each(host, which, *rays(cell, share)), len(cell))
     crossed = best <= 0.0
     return which[crossed], cell[crossed], share[crossed], (sign * best)[crossed]
 
 
-def _classified(own: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, rays: Rays, cell: Index, share: Array,
+def _classified(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, rays: Rays, cell: Index, share: Array,
                 ) -> IntervalSet:
     """The intervals between stops, the rows' ends and roots, in which the box hides nothing."""
     first = np.flatnonzero(np.append(True, row[1:] != row[:-1]))
@@ -201,10 +203,10 @@ def _classified(own: HostVehicle, row: Index, at: Array, starts: Array, ends: Ar
     sample = np.rint(middle).astype(np.intp)
     told = (sample - begin > GRAZING) & (stop - sample > GRAZING)
     hidden = np.zeros(len(gap), dtype=np.bool_)
-    hidden[told] = own.hides(starts[sample[told]], ends[sample[told]])
+    hidden[told] = host.hides(starts[sample[told]], ends[sample[told]])
     rest = np.flatnonzero(~told)
     if rest.size:
         where = np.minimum(middle[rest].astype(np.intp), len(at) - 2)
-        hidden[rest] = own.hides(*rays(where, middle[rest] - where))
+        hidden[rest] = host.hides(*rays(where, middle[rest] - where))
     kept = gap[~hidden]
     return IntervalSet.joined(row[base[kept]], value[kept], value[kept + 1], same[kept[1:]])

@@ -21,6 +21,7 @@ PASSES_BY = 1e-10
 SETTLED = 1e-13  # radians: a few roundings of a direction
 MAX_STEPS = 40
 SMALLEST_STEP = 1e-12  # of the mirror's width
+HALVED_TO = 1e-3  # of Newton's own step: where even that betters nothing, the sheet ends or folds
 LONGEST_STEP = 0.25  # of the mirror's width
 START_GRID = 33  # rays a direction
 BEYOND = 0.1  # of the box, on every side: what Newton may start from beside the mirror
@@ -88,34 +89,29 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
     """The best points (n, 2) that Newton reaches, where their rays leave (n, 3), and by what angles they pass (n,)."""
     n, size, eye, reflector = len(starts), view.box[1] - view.box[0], view.eye_in_mirror, view.reflector
     wanted = np.ascontiguousarray(view.pose.directions_to_mirror(targets) if at_infinity else view.pose.to_mirror(targets))
-    best, kept, leaving, step = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan), np.zeros((n, 2))
-    going, at = np.arange(n), starts  # of the rays that are still going: their targets, and where they are
+    best, kept, leaving = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan)
+    # Of the rays that are still going: which they are, where they are, their last steps and how short these may become.
+    going = np.flatnonzero(np.isfinite(starts).all(axis=1) & np.isfinite(wanted).all(axis=1))
+    at, steps, shortest = starts[going], np.zeros((len(going), 2)), np.zeros(len(going))
     for _ in range(max_steps):
         m = len(going)
         if m == 0:
             break
         rays, turns, missed = np.empty((m, 3)), np.empty((m, 2, 3)), np.empty((m, 2))
-        axes, reach = np.empty((m, 2, 3)), np.empty(m)
+        axes, reach, moving = np.empty((m, 2, 3)), np.empty(m), np.empty(m, dtype=np.int8)
         kernel.rays_through(eye, at, rays, turns)
         trace = reflect(reflector, eye, rays)
         kernel.misses(eye, wanted[going], at_infinity, trace.points, trace.directions, missed, axes, reach)
-        now = np.sqrt(np.einsum("ij,ij->i", missed, missed))
-        before = best[going]
-        better = now < before  # not where it is NaN
-        ahead = going[better]
-        best[ahead], kept[ahead], leaving[ahead] = now[better], at[better], trace.points[better]
-        settled = np.where(better, now <= SETTLED, before <= PASSES_BY)
-        moves = 0.5 * step[going]  # not better: half the step before, from the best
-        moved = better & ~settled
-        if moved.any():
-            part = slice(None) if moved.all() else moved
-            along = moves[part]
+        count = kernel.keep_best(going, missed, at, trace.points, SETTLED, PASSES_BY, best, kept, leaving, steps, moving)
+        if count:
+            part = slice(None) if count == m else np.flatnonzero(moving == 1)
+            along = steps[part]
             kernel.newton_steps(missed[part], axes[part], reach[part], *reflector.surface.ray_differentials(
                 eye, rays[part], turns[part], trace.points[part], trace.directions[part]), LONGEST_STEP * size, along)
-            moves[part] = along
-        on = ~settled & (np.abs(moves).max(axis=1) > SMALLEST_STEP * size)
-        going, moves = going[on], moves[on]
-        step[going], at = moves, kept[going] + moves
+            steps[part], shortest[part] = along, HALVED_TO * np.abs(along).max(axis=1)
+        on = np.flatnonzero((moving > 0) & (np.abs(steps).max(axis=1) > np.maximum(SMALLEST_STEP * size, shortest)))
+        going, steps, shortest = going[on], steps[on], shortest[on]
+        at = kept[going] + steps
     return kept, view.pose.to_vehicle(leaving), best
 
 

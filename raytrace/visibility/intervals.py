@@ -55,7 +55,8 @@ class IntervalSet:
 
 def combined(keep: Callable[..., Mask], *sets: IntervalSet) -> IntervalSet:
     """Where `keep` says so of k flags (n,), one a set: whether it holds there. It must say no where none of them does.
-    Intervals that touch become one."""
+    Intervals that touch become one.
+    """
     row = np.concatenate([row for spans in sets for row in (spans.row, spans.row)])
     at = np.concatenate([end for spans in sets for end in (spans.low, spans.high)])
     steps = np.concatenate([sign * np.eye(len(sets), dtype=np.int32)[[k] * len(spans.row)]

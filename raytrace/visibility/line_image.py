@@ -1,4 +1,4 @@
-"""A straight line of the world and a view in, where the eye sees it in the mirror out."""
+"""The image of a straight line of the world in a mirror, as an eye sees it."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class LineImage:
     along_mm (n,) : of the points on the line, from its start, inf for the vanishing point.   places (n, 2) : of the picture
     plane, mm.   directions (n, 3) : unit, from the eye, in vehicle coordinates: where they are seen.   on_mirror (n, 3) : where
     the mirror reflects them, in mirror coordinates.   ends : why it ends at either end: the line does, the mirror does at its
-    edge, or the own vehicle hides the rest.
+    edge, or the host vehicle hides the rest.
     """
 
     along_mm: Array
@@ -78,7 +78,8 @@ class LineImage:
 class LineView:
     """A line as the mirror sees it: points of the line by the angle φ at which they are seen from the mirror, about, measured
     from the foot of the perpendicular: s = foot + away·tan φ. So samples are spread over the picture, and the vanishing point,
-    φ = 90°, is a place like others."""
+    φ = 90°, is a place like others.
+    """
 
     view: View
     edge: Edge
@@ -111,7 +112,8 @@ class LineView:
 
     def image_points(self, angle: Array) -> tuple[Array, Mask]:
         """The places (n, 2) that show the line's points at φ (n,), NaN where the sheet shows none, and whether inside the
-        outline."""
+        outline.
+        """
         along = self.along(angle)
         far = np.isinf(along)
         places, seen = np.empty((len(angle), 2)), np.empty(len(angle), dtype=np.bool_)
@@ -125,21 +127,22 @@ class LineView:
         A ray from q along d and the line are in one plane where (q − start)·(direction × d) = 0.
         """
         start, u = self.line.start, self.line.direction
-        _, places, sight = self.edge.crossings(lambda q, d: np.einsum("ij,ij->i", q - start, np.cross(u, d)))
-        across = np.cross(u, sight.directions)
-        from_start = sight.points - start
+        _, places, traced = self.edge.crossings(lambda q, d: np.einsum("ij,ij->i", q - start, np.cross(u, d)))
+        across = np.cross(u, traced.directions)
+        from_start = traced.points - start
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.einsum("ij,ij->i", across, across)
-            along = np.einsum("ij,ij->i", np.cross(from_start, sight.directions), across) / scale
+            along = np.einsum("ij,ij->i", np.cross(from_start, traced.directions), across) / scale
             ahead = np.einsum("ij,ij->i", np.cross(from_start, u), across) / scale
         angle = self.angle(along)
         met = (ahead > 0.0) & (angle > self.ends[0]) & (angle < self.ends[1])
         order = np.argsort(angle[met])
-        return angle[met][order], places[met][order], sight.on_mirror[met][order]
+        return angle[met][order], places[met][order], traced.on_mirror[met][order]
 
     def inside(self, stops: Array, at: Array) -> Mask:
         """Whether the mirror shows the parts of the line between its ends and the crossings, stops (k + 2,), whose places are
-        `at` (k, 2)."""
+        `at` (k, 2).
+        """
         if len(at) == 0 or not self.edge.beyond:
             return self.image_points(0.5 * (stops[1:] + stops[:-1]))[1]
         # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
@@ -150,7 +153,8 @@ class LineView:
 
     def segments(self, angle: Array, starts: Array) -> tuple[Array, Array, Array]:
         """The places (n, 2) that show the line's points at φ (n,), by Newton from near by, where their rays leave the mirror,
-        and the points, those far away FAR_MM away."""
+        and the points, those far away FAR_MM away.
+        """
         target = self.line.at(np.minimum(self.along(angle), FAR_MM))
         places, points = follow_image_points(self.edge.view, starts, target)
         return places, points, target
@@ -159,17 +163,17 @@ class LineView:
         """The part of the image between two φ, with what is known of its ends: their place and where on the mirror it is."""
         angle = np.linspace(low, high, samples)
         places, _ = self.image_points(angle)
-        sight = self.edge.view.trace_places(places)
-        kept, on_mirror = sight.seen, sight.on_mirror
+        traced = self.edge.view.trace_places(places)
+        kept, on_mirror = traced.seen, traced.on_mirror
         for k, end in zip((0, -1), known, strict=True):
             if end is not None:
                 places[k], on_mirror[k], kept[k] = end[0], end[1], True
         return LineImage(self.along(angle)[kept], places[kept], self.view.towards(places[kept]), on_mirror[kept], ends)
 
 
-def line_images(view: View, line: StraightLine, own: HostVehicle | None = None, samples: int = SAMPLES,
+def line_images(view: View, line: StraightLine, host: HostVehicle | None = None, samples: int = SAMPLES,
                 ) -> tuple[LineImage, ...]:
-    """The parts of a line that the eye sees in the mirror and the own vehicle does not hide, the largest first.
+    """The parts of a line that the eye sees in the mirror and the host vehicle does not hide, the largest first.
 
     Each is sampled at places evenly spread over the picture, both ends among them. Ends at the edge and at what the vehicle
     hides are exact. Meshes show nothing beyond their edge, where Newton takes its differences: of theirs, samples within 0.2 %
@@ -186,26 +190,26 @@ def line_images(view: View, line: StraightLine, own: HostVehicle | None = None, 
     images = []
     for begin, end in _runs(inside):
         ends: tuple[End, End] = ("line" if begin == 0 else "edge", "line" if end == len(inside) else "edge")
-        images += _unhidden(seen, own, stops[begin], stops[end], ends, (known[begin], known[end]), samples)
+        images += _unhidden(seen, host, stops[begin], stops[end], ends, (known[begin], known[end]), samples)
     return tuple(sorted((image for image in images if len(image.along_mm) > 1), key=lambda image: -image.extent))
 
 
 Unmeasured = Literal["not shown", "hidden by the host vehicle", "too short", "level or upright at its far end"]
 
 
-def why_unmeasured(view: View, line: StraightLine, own: HostVehicle | None, least_samples: int) -> Unmeasured | None:
+def why_unmeasured(view: View, line: StraightLine, host: HostVehicle | None, least_samples: int) -> Unmeasured | None:
     """Why a line has no image of so many samples: None where it has one."""
-    images = line_images(view, line, own)
+    images = line_images(view, line, host)
     if images:
         return None if len(images[0].along_mm) >= least_samples else "too short"
-    return "hidden by the host vehicle" if own is not None and line_images(view, line) else "not shown"
+    return "hidden by the host vehicle" if host is not None and line_images(view, line) else "not shown"
 
 
-def _unhidden(seen: LineView, own: HostVehicle | None, low: float, high: float, ends: tuple[End, End],
+def _unhidden(seen: LineView, host: HostVehicle | None, low: float, high: float, ends: tuple[End, End],
               known: tuple[Known, Known], samples: int) -> list[LineImage]:
-    """The images of the parts between two φ that the own vehicle does not hide."""
+    """The images of the parts between two φ that the host vehicle does not hide."""
     ends_at = seen.line.at(np.minimum(seen.along(np.array([low, high])), FAR_MM))
-    if own is None or beside(seen.edge, own, ends_at[:, None, :2])[0]:
+    if host is None or beside(seen.edge, host, ends_at[:, None, :2])[0]:
         return [seen.image(low, high, ends, known, samples)]
     angle = np.linspace(low, high, GRID_SHAPE)
     near, _ = seen.image_points(angle)
@@ -223,7 +227,7 @@ def _unhidden(seen: LineView, own: HostVehicle | None, low: float, high: float, 
                                          places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
         return start, target
 
-    open_parts = unhidden(own, np.zeros(len(angle), dtype=np.intp), angle, (starts, targets), rays)
+    open_parts = unhidden(host, np.zeros(len(angle), dtype=np.intp), angle, (starts, targets), rays)
     images = []
     for begin, end in zip(open_parts.low, open_parts.high, strict=True):
         first, last = begin == angle[0], end == angle[-1]

@@ -1,4 +1,4 @@
-"""A view in, which way round the mirror shows things, and whether it shows any of them twice, out."""
+"""Which way round a mirror shows things, and whether it shows any of them twice."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ def _on_edge(view: View) -> tuple[Array, Array]:
 
 def _eigenvalues(view: View, places: Array) -> tuple[Array, Array]:
     """The smaller and the larger eigenvalue of S⁻¹·∂d/∂ω at places (n, 2); NaN where nothing is shown."""
-    looked, sight = view.towards(places), view.trace_places(places)
-    normal = sight.directions - looked
+    looked, traced = view.towards(places), view.trace_places(places)
+    normal = traced.directions - looked
     with np.errstate(invalid="ignore"):
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        before, after = (np.stack(frame(ways), axis=1) for ways in (looked, sight.directions))
+        before, after = (np.stack(frame(ways), axis=1) for ways in (looked, traced.directions))
         flat = after @ (before - 2.0 * np.einsum("nij,nj->ni", before, normal)[:, :, None] * normal[:, None]).transpose(0, 2, 1)
         beside = flat.transpose(0, 2, 1) @ ray_differentials(view, places).jacobian  # S is orthogonal
         middle = 0.5 * np.trace(beside, axis1=1, axis2=2)

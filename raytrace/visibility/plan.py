@@ -1,9 +1,9 @@
-"""A mirror's edge and parallel lines of a level plane in, the parts of them that it shows out: a plan, line by line."""
+"""The parts of parallel lines of a level plane that a mirror shows: a plan, line by line."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,12 @@ from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
 from raytrace.visibility.grazing import unhidden
 from raytrace.visibility.image_points import follow_image_points
-from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
+from raytrace.visibility.intervals import IntervalSet, combined, union
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Axis = Literal[0, 1]  # of the coordinate that a line keeps: 0 for X, 1 for Y
 Polygon = NDArray[np.float64]
-
-IntervalSet: TypeAlias = IntervalSet  # its name so far, and those of its two sums
-either, both = union, intersection
 
 GRID_SHAPE = 7  # samples of a part of a line, ends included, between which the vehicle's edges are looked for
 INSIDE = 1e-3  # of a part of a line: how far inside its ends, where rays may miss the mirror, Newton starts
@@ -29,14 +26,25 @@ ENDLESS_MM = 1e6  # as far as a part of a line is followed that the mirror shows
 WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
 
 
-def shown(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, own: HostVehicle | None = None,
+def visible_intervals(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, host: HostVehicle | None = None,
           low: float = -ENDLESS_MM, high: float = ENDLESS_MM) -> IntervalSet:
-    """The parts of the lines X = value (axis 0) or Y = value (axis 1) in the plane Z = height_mm that an eye sees in a mirror
-    and the own vehicle does not hide, between low and high.
+    """Find the parts of parallel lines of a level plane that an eye sees in a mirror and the host vehicle does not hide.
 
     Exact at both ends: a ray through the mirror's edge, or one that touches the vehicle, meets the line there. It does not hold
     for a mirror that shows one point twice (`raytrace.visibility.orientation`).
-    values : (n,), rising.
+
+    Parameters
+    ----------
+    edge : of what the eye sees reflecting.
+    axis : 0 for lines X = value, 1 for lines Y = value, in the plane Z = height_mm.
+    values : (n,), mm, rising.
+    host : what hides; None for nothing.
+    low, high : mm, between which the lines are looked at.
+
+    Returns
+    -------
+    IntervalSet
+        On rows numbered as the values, mm of the other coordinate.
     """
     if len(edge.places) == 0:
         return IntervalSet(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0))
@@ -44,13 +52,13 @@ def shown(edge: Edge, axis: Axis, values: Array, height_mm: float = 0.0, own: Ho
     first, last = np.maximum(cuts.low, low), np.minimum(cuts.high, high)
     kept = first < last
     cuts, first, last = cuts.take(kept), first[kept], last[kept]
-    if own is None or len(cuts.row) == 0:
+    if host is None or len(cuts.row) == 0:
         return IntervalSet(cuts.row, first, last)
     ends = np.empty((2, len(first), 2))
     ends[:, :, axis], ends[:, :, 1 - axis] = values[cuts.row], (first, last)
-    open_to_all = beside(edge, own, ends)
+    open_to_all = beside(edge, host, ends)
     hidden = np.flatnonzero(~open_to_all)
-    rest = _unhidden(edge.view, axis, values, height_mm, own, cuts.take(hidden), first[hidden], last[hidden])
+    rest = _unhidden(edge.view, axis, values, height_mm, host, cuts.take(hidden), first[hidden], last[hidden])
     return union(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), rest)
 
 
@@ -90,11 +98,12 @@ def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
     k = np.repeat(np.arange(len(angle)), count)
     row = len(values) - 1 - (first[k] + np.arange(len(k)) - np.repeat(np.cumsum(count) - count, count))
     value = values[row]
-    places, sight = edge.settle(k, over(edge.points[k], edge.directions[k], value),
+    places, traced = edge.settle(k, over(edge.points[k], edge.directions[k], value),
                                 over(edge.points[edge.following[k]], edge.directions[edge.following[k]], value),
                                 lambda points, directions: over(points, directions, value))
     across = 1 - axis
-    other = sight.points[:, across] + (height_mm - sight.points[:, 2]) / sight.directions[:, 2] * sight.directions[:, across]
+    reach = (height_mm - traced.points[:, 2]) / traced.directions[:, 2]
+    other = traced.points[:, across] + reach * traced.directions[:, across]
     row, other, places = _ended(edge, axis, values, height_mm, row, other, places)
     order = np.lexsort((other, row))
     low, high = order[::2], order[1::2]
@@ -122,19 +131,20 @@ def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, 
             np.concatenate([other[kept], ends[:, :, 1 - axis].ravel()[end]]), np.concatenate([places[kept], found[end]]))
 
 
-def beside(edge: Edge, own: HostVehicle, ends: Array) -> Mask:
+def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
     """Which straight lines (m,), of two ends each, (2, m, 2) in plan, lie with all of the mirror on the outer side of a plane
-    that bounds the vehicle: it hides nothing of them."""
+    that bounds the vehicle: it hides nothing of them.
+    """
     mirror = edge.points[:, :2]
     found = np.zeros(ends.shape[1], dtype=np.bool_)
-    for c, (least, most) in enumerate(((own.front_mm, own.rear_mm), (-own.half_width_mm, own.half_width_mm))):
+    for c, (least, most) in enumerate(((host.front_mm, host.rear_mm), (-host.half_width_mm, host.half_width_mm))):
         found |= (ends[:, :, c] <= least).all(axis=0) & bool((mirror[:, c] <= least).all())
         found |= (ends[:, :, c] >= most).all(axis=0) & bool((mirror[:, c] >= most).all())
     return found
 
 
-def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, own: HostVehicle, cuts: _Cuts, first: Array, last: Array,
-              ) -> IntervalSet:
+def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, host: HostVehicle, cuts: _Cuts, first: Array,
+              last: Array) -> IntervalSet:
     """The parts of `cuts` between first and last (m,) that the vehicle does not hide."""
     m = len(cuts.row)
     value = values[cuts.row]
@@ -165,7 +175,7 @@ def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, own: Host
                                            places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
         return points_there, target
 
-    found = unhidden(own, part, at, (points, target), rays)
+    found = unhidden(host, part, at, (points, target), rays)
     # The ends that are not the vehicle's are known better than by their angle.
     at_begin, at_end = found.low == begin[found.row], found.high == end[found.row]
     low, high = (middle[1 - axis] + away[found.row] * np.tan(one) for one in (found.low, found.high))
