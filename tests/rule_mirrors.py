@@ -41,17 +41,15 @@ def cylinder(radius: float, width: float = 180.0, height: float = 120.0) -> Refl
 
 
 def torus(equator: float, tube: float, width: float = 180.0, height: float = 120.0) -> Reflector:
-    """The outer part of a torus about an axis along y, as a spline right to 1e-10 mm.
-
-    Level sections through y = 0 are circles of radius `equator`, upright ones in planes through the axis circles of
-    radius `tube`.
-    """
+    """The outer part of a torus about an axis along y, as a spline right to 1e-10 mm: level sections through y = 0 are circles
+    of radius `equator`, upright ones in planes through the axis circles of radius `tube`."""
 
     def sag(x: Array, y: Array) -> Array:
         return np.sqrt((equator - tube + np.sqrt(tube**2 - y**2)) ** 2 - x**2) - equator
 
-    knots = [knot_vector(np.linspace(-half, half, 9), (), 9) for half in (0.5 * width + MARGIN, 0.5 * height + MARGIN)]
-    return Reflector(BSplineFace(collocate_height(sag, *knots, 9), (rectangle(width, height),)))
+    knots_x, knots_y = (knot_vector(np.linspace(-half, half, 9), (), 9) for half in
+                        (0.5 * width + MARGIN, 0.5 * height + MARGIN))
+    return Reflector(BSplineFace(collocate_height(sag, knots_x, knots_y, 9), (rectangle(width, height),)))
 
 
 def measured(reflector: Reflector, rule: str = "R46", leg_mm: float = 38.1) -> Measured:

@@ -15,8 +15,7 @@ from tests.rule_mirrors import cylinder, measured, plane, sphere, torus
 Array = NDArray[np.float64]
 
 CLOSED_MM = 1e-9  # of a radius of a metre, where heights are those of the closed form itself
-# On a face its points are known to the rounding of coordinates, 1e-13 mm at a metre: over the sagitta of 0.15 mm, 1e-9 of the
-# radius.
+# On a face its points are known to the rounding of coordinates, 1e-13 mm at a metre: of the sagitta, 0.15 mm, 1e-12.
 FACE_MM = 4e-9
 SPLINE_MM = 2e-6  # the torus is a spline, right to 1e-10 mm
 
@@ -122,9 +121,8 @@ def test_spread_of_two_readings(percent: float, mean: float, verdict: str) -> No
 
 @pytest.mark.parametrize(("percent", "verdict"), [(12.49, "met"), (12.51, "missed")])
 def test_spread_of_ten_readings(percent: float, verdict: str) -> None:
-    """On a torus by its own ten sections: upright ones are the tube, level ones at y = 0 the equator.
-
-    Level ones at y = ±30 are taken from the torus's equation here, in the plane of the normal and x."""
+    """On a torus by its own ten sections: upright ones are the tube, level ones at y = 0 the equator, and level ones at y = ±30
+    are taken from the torus's equation here, in the plane of the normal and x."""
     tube, leg = 1100.0, 38.1
 
     def off_equator(equator: float) -> float:
