@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,14 +22,21 @@ from mirror_cad.laws.matched import with_solved
 from mirror_cad.laws.matching import solve_match
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline, truck_outline
-from mirror_cad.profile import Profile, check_profile, existing_interval, integrate_exactly, integrate_ode, sine_of_tangent_angle
+from mirror_cad.profile import (
+    Profile,
+    check_profile,
+    existing_interval,
+    integrate_exactly,
+    integrate_ode,
+    sine_of_tangent_angle,
+)
 from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec, Target
 from mirror_cad.surfaces import fit as fitting
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
 from mirror_cad.surfaces.differential import shape_operator_of_sag
+from mirror_cad.surfaces.faithful import REST_GAINED, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
 from mirror_cad.surfaces.from_view import FromView, SplineSag, check_convex, check_convex_surface, surface_from_view
 from mirror_cad.surfaces.offset import offset_surface
@@ -311,19 +318,24 @@ def _design_from_view(spec: MirrorSpec, target: Target, outline: Outline, read_n
     if not found.settled:
         notes.append("the wanted view has not settled: more spans, or more steps, would still change the mirror")
     ends = np.unique(surface.knots_u)
-    across, upright = (approximate(lambda x, key=key: _own_curvature(sag, x, key), ends) for key in (0, 1))
-    profile = Profile(*(lambda x, key=key: sag.derivatives(x, np.zeros_like(x))[key] for key in (0, 1, 3)),
-                      domain[0], domain[1], "wanted view", len(ends) - 1)
+    across, upright = (approximate(partial(_own_curvature, sag, key), ends.tolist()) for key in (0, 1))
+    height, slope, bend = (partial(_along_middle, sag, key) for key in (0, 1, 3))
+    profile = Profile(height, slope, bend, domain[0], domain[1], "wanted view", len(ends) - 1)
     designed, exact = DesignedCurvature(across, upright), DecoupledSag(profile, upright)
-    fit = Fit(surface, "least squares on the reflected rays", surface.degree_u, found.levels[-1].spans, 0.0, 0.0, (0.0, 0.0),
+    fit = Fit(surface, "least squares on the reflected rays", surface.degree_u,
+              (len(ends) - 1, len(np.unique(surface.knots_v)) - 1), 0.0, 0.0, (0.0, 0.0),
               time.perf_counter() - began, True)
     return Mirror(spec, surface, outline, box, designed, exact, sag, sag, None, fit, None, tuple(notes), found)
 
 
-def _own_curvature(sag: Sag, x: Array, key: int) -> Array:
+def _own_curvature(sag: Sag, key: int, x: Array) -> Array:
     """kx (0) or ky (1) of a surface along y = 0, 1/mm."""
-    result: Array = shape_operator_of_sag(sag.derivatives(x, np.zeros_like(x)))[key]
-    return result
+    return np.asarray(shape_operator_of_sag(sag.derivatives(x, np.zeros_like(x)))[key])
+
+
+def _along_middle(sag: Sag, key: int, x: Array) -> Array:
+    """One of the `SagDerivatives` along y = 0."""
+    return np.asarray(sag.derivatives(x, np.zeros_like(x))[key])
 
 
 def eyes_of(spec: MirrorSpec, box: Box) -> tuple[Array, ...]:
@@ -343,8 +355,8 @@ def eyes_of(spec: MirrorSpec, box: Box) -> tuple[Array, ...]:
     x = {"right": box[1], "centre": 0.0, "left": box[0]}[spec.eye.aligned]
     distance = spec.eye.distance_mm
     if abs(x) >= distance:
-        raise SpecError(f"eye.distance_mm = {distance:g} is not above {abs(x):g} mm, how far the mirror's {spec.eye.aligned} edge "
-                        "is from the origin: an eye aligned with it would sit in the mirror")
+        raise SpecError(f"eye.distance_mm = {distance:g} is not above {abs(x):g} mm, how far the mirror's {spec.eye.aligned} "
+                        "edge is from the origin: an eye aligned with it would sit in the mirror")
     middle = np.array([x, 0.0, np.sqrt(distance**2 - x**2)])
     if spec.target is None or spec.target.eye == "one":
         return (middle,)

@@ -24,9 +24,9 @@ from pydantic_core import InitErrorDetails
 
 from mirror_cad.keys import ELSEWHERE, AsTuple, Coordinate, Length, Number, Section, Shown
 from mirror_cad.laws import Law
+from mirror_cad.laws.unstated import Unstated
 from mirror_cad.limits import limit_units
 from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
-from mirror_cad.laws.unstated import Unstated
 from mirror_cad.spec.law_section import horizontal_law, vertical_law
 from mirror_cad.spec.target import Target
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -26,7 +27,7 @@ def _number(value: object, where: str) -> float:
     return float(value)
 
 
-def _list(value: object) -> object:
+def _list(value: object) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -58,7 +59,7 @@ def _places(value: object) -> Numbers | None:
     if not isinstance(value, list | tuple) or not 2 <= len(value) <= MAX_NODES:
         raise ValueError(f"must be a list of 2 to {MAX_NODES} places, mm")
     places = tuple(_number(place, f"entry {i + 1}") for i, place in enumerate(value))
-    for i, (before, after) in enumerate(zip(places, places[1:], strict=False)):
+    for i, (before, after) in enumerate(itertools.pairwise(places)):
         if not after > before:
             raise ValueError(f"must rise, and entry {i + 2} ({after:g}) does not lie beyond the one before ({before:g})")
     return places
@@ -102,16 +103,16 @@ class Target(Section):
                 table = isinstance(angles[0], tuple)
                 if self.projection == "table":
                     if not table or len(angles) != rows or len(angles[0]) != columns:  # type: ignore[arg-type]
-                        faults.append(f"{key} must have a row for each of the {rows} entries of y_mm, with {columns} angles, one "
-                                      "for each of x_mm")
+                        faults.append(f"{key} must have a row for each of the {rows} entries of y_mm, with {columns} angles, "
+                                      "one for each of x_mm")
                 elif table:
                     faults.append(f"{key} must be a list of numbers with projection = \"{self.projection}\", not of rows")
                 elif key == "azimuth_deg" and self.projection == "profile":
                     if len(angles) != columns:
                         faults.append(f"azimuth_deg has {len(angles)} angles, and x_mm {columns} places: one for each")
                 elif len(angles) != 2:
-                    faults.append(f"{key} must have two angles, {'[left, right]' if key == 'azimuth_deg' else '[bottom, top]'}, "
-                                  f"not {len(angles)}")
+                    faults.append(f"{key} must have two angles, {'[left, right]' if key == 'azimuth_deg' else '[bottom, top]'}"
+                                  f", not {len(angles)}")
                 elif angles[0] == angles[1]:
                     faults.append(f"{key} = [{angles[0]:g}, {angles[1]:g}]: the two must differ, or all of the mirror would "
                                   "show one direction")

@@ -130,7 +130,8 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
     settled = not isinstance(spans, str) or rms == 0.0
     for nx, ny in LEVELS if isinstance(spans, str) else (spans,):
         began = time.perf_counter()
-        ends = (spans_with_margin(domain[:2], box[:2], breaks, degree, nx), spans_with_margin(domain[2:], box[2:], (), degree, ny))
+        ends = (spans_with_margin(domain[:2], box[:2], breaks, degree, nx),
+                spans_with_margin(domain[2:], box[2:], (), degree, ny))
         knots = (knot_vector(ends[0], breaks, degree), knot_vector(ends[1], (), degree))
         poles = (len(knots[0]) - degree - 1) * (len(knots[1]) - degree - 1)
         if poles > MAX_POLES:

@@ -70,11 +70,13 @@ def target_figures(mirror: Mirror, surface: OpticalSurface) -> dict[str, Any] | 
         return None
     grid, view = Grid.over(mirror.outline), target.view(mirror.box)
     missed = [missed_view(view, eye, surface, grid) for eye in eyes_of(mirror.spec, mirror.box)]
-    each = [{"rms_arcmin": one.rms, "max_arcmin": one.worst()[0], "max_at_mm": one.worst()[1]} for one in missed]
-    largest = max(each, key=lambda one: one["max_arcmin"])
+    worst = [one.worst() for one in missed]
+    each = [{"rms_arcmin": one.rms, "max_arcmin": largest, "max_at_mm": at}
+            for one, (largest, at) in zip(missed, worst, strict=True)]
+    largest, at = max(worst, key=lambda one: one[0])
     return {
-        "rms_arcmin": float(np.sqrt(np.mean([one["rms_arcmin"]**2 for one in each]))),
-        "max_arcmin": largest["max_arcmin"], "max_at_mm": largest["max_at_mm"], "settled": found.settled,
+        "rms_arcmin": float(np.sqrt(np.mean([one.rms**2 for one in missed]))),
+        "max_arcmin": largest, "max_at_mm": at, "settled": found.settled,
         "eyes": dict(zip(("left", "right") if len(each) == 2 else ("one",), each, strict=True)),
         "floor": [{"spans": list(level.spans), "unknowns": level.unknowns, "steps": level.steps,
                    "rms_arcmin": level.rms_arcmin} for level in found.levels],

@@ -142,9 +142,9 @@ def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | N
     held_percent : a model whose shape RMS is below this holds its laws as well as the numerics are asked to.
     """
     if not deviation.of_laws:
-        return ("What the mirror misses of the wanted view is said in arc minutes under the verdicts. A view settles the normal at "
-                "every place, and three numbers a place are more than one height field has: its normals belong to a surface only "
-                "where their slopes have no curl. What is left is the part that no surface shows.")
+        return ("What the mirror misses of the wanted view is said in arc minutes under the verdicts. A view settles the "
+                "normal at every place, and normals belong to a surface only where their slopes have no curl. What is left is the "
+                "part that no surface shows.")
     entry = deviation.stages["model"]
     model = largest_of_pair(entry)
     if model is None:
