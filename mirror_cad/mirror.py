@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -488,27 +488,25 @@ def _design_from_view(spec: MirrorSpec, target: Target, outline: Outline, read_n
         check_convex_surface(surface, outline)
     if not found.settled:
         notes.append("the wanted view has not settled: more spans, or more steps, would still change the mirror")
-    ends = np.unique(surface.knots_u).tolist()
-    across = approximate(lambda x: _own_curvature(sag, x, 0), ends)
-    upright = approximate(lambda x: _own_curvature(sag, x, 1), ends)
-    profile = Profile(lambda x: _on_axis(sag, x, 0), lambda x: _on_axis(sag, x, 1), lambda x: _on_axis(sag, x, 3),
-                      domain[0], domain[1], "wanted view", len(ends) - 1)
+    ends = np.unique(surface.knots_u)
+    across, upright = (approximate(partial(_own_curvature, sag, key), ends.tolist()) for key in (0, 1))
+    height, slope, bend = (partial(_along_middle, sag, key) for key in (0, 1, 3))
+    profile = Profile(height, slope, bend, domain[0], domain[1], "wanted view", len(ends) - 1)
     designed, exact = DesignedCurvature(across, upright), DecoupledSag(profile, upright)
-    fit = Fit(surface, "least squares on the reflected rays", surface.degree_u, found.levels[-1].spans, 0.0, 0.0, (0.0, 0.0),
+    fit = Fit(surface, "least squares on the reflected rays", surface.degree_u,
+              (len(ends) - 1, len(np.unique(surface.knots_v)) - 1), 0.0, 0.0, (0.0, 0.0),
               time.perf_counter() - began, True)
     return Mirror(spec, surface, outline, box, designed, exact, sag, sag, None, fit, None, tuple(notes), found)
 
 
-def _on_axis(sag: Sag, x: Array, derivative: int) -> Array:
-    """One of a sag's derivatives (z, z_x, z_y, z_xx, …) along y = 0."""
-    result: Array = sag.derivatives(x, np.zeros_like(x))[derivative]
-    return result
-
-
-def _own_curvature(sag: Sag, x: Array, key: int) -> Array:
+def _own_curvature(sag: Sag, key: int, x: Array) -> Array:
     """kx (0) or ky (1) of a surface along y = 0, 1/mm."""
-    result: Array = shape_operator_of_sag(sag.derivatives(x, np.zeros_like(x)))[key]
-    return result
+    return np.asarray(shape_operator_of_sag(sag.derivatives(x, np.zeros_like(x)))[key])
+
+
+def _along_middle(sag: Sag, key: int, x: Array) -> Array:
+    """One of the `SagDerivatives` along y = 0."""
+    return np.asarray(sag.derivatives(x, np.zeros_like(x))[key])
 
 
 def eyes_of(spec: MirrorSpec, box: Box) -> tuple[Array, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -27,7 +27,7 @@ def _number(value: object, where: str) -> float:
     return float(value)
 
 
-def _list(value: object) -> object:
+def _list(value: object) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 

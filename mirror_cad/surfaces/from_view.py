@@ -35,11 +35,13 @@ MAX_STEPS = 30  # four or five are the rule
 SETTLED_MM = 1e-9  # of the height: what a file's digits keep
 # Where no mirror is, the sheet is held by its third differences, of which a surface of second order has none. They weigh as
 # much as the rays miss, as what is noise to the one is structure to the other: SMOOTH where these miss SMOOTH_ARCMIN or more,
-# and less in proportion, so that a view that a surface can show is met as if there were nothing beside the mirror.
-SMOOTH, SMOOTH_ARCMIN = 3e-4, 1.0
+# and less with its square, so that a view that a surface can show is met as if there were nothing beside the mirror.
+SMOOTH, SMOOTH_ARCMIN = 2e-3, 1.0
 LEAST_SMOOTH = 1e-10  # or what no ray sees would be settled by nothing
 SEEN = 0.1  # a pole of whose reach the mirror has this share is settled by its rays
 LATER_STEPS = 2
+# On the diagonal of the scaled normal equations, whose rounding is some 1e-15: it only shortens a step, and moves no minimum.
+RIDGE = 1e-13
 STEEPEST = 5.7  # of a slope, 80°: beyond, a sheet over (x, y) is no description of a mirror
 TRUSTED_SLOPE = 0.5  # a step may change slopes by this at most: reflection is far from linear beyond
 
@@ -81,6 +83,7 @@ class FromView:
 
     Where that stops, no surface shows it better.
 
+    levels : of which the surface is the last, or the one before it where that gained nothing.
     eyes_rms_arcmin : of each eye alone.   settled : the last step changed nothing, and more spans would gain nothing.
     """
 
@@ -128,10 +131,9 @@ def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline,
     """
     chosen = DEGREE if isinstance(degree, str) else degree
     box = outline.bounding_box()
-    levels: list[ViewLevel] = []
-    problem: _Problem | None = None
-    settled = False
-    for nx, ny in LEVELS if isinstance(spans, str) and knots is None else (spans if not isinstance(spans, str) else LEVELS[0],):
+    fixed = not isinstance(spans, str) or knots is not None
+    found: list[tuple[_Problem, ViewLevel, bool]] = []
+    for nx, ny in (LEVELS if isinstance(spans, str) else (spans,))[:1 if fixed else None]:
         began = time.perf_counter()
         ends = (spans_with_margin(domain[:2], box[:2], (), chosen, nx), spans_with_margin(domain[2:], box[2:], (), chosen, ny))
         pair = knots or (knot_vector(ends[0], (), chosen), knot_vector(ends[1], (), chosen))
@@ -143,15 +145,18 @@ def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline,
                                f"{MAX_POLES} are solved for: fewer spans (\"auto\" takes {list(LEVELS[-1])} at most)")
         problem = _Problem(view, eyes, outline, pair, ends, chosen)
         steps, converged = problem.solve()
-        levels.append(ViewLevel((len(ends[0]) - 1, len(ends[1]) - 1), poles - 1, steps, problem.rms_arcmin(),
-                                time.perf_counter() - began))
-        fixed = not isinstance(spans, str) or knots is not None
-        settled = converged and (fixed or (len(levels) > 1 and _gained_nothing(levels[-2].rms_arcmin, levels[-1].rms_arcmin)))
-        settled = settled or (converged and levels[-1].rms_arcmin < NOTHING_ARCMIN)
-        if settled:
+        level = ViewLevel((len(ends[0]) - 1, len(ends[1]) - 1), poles - 1, steps, problem.rms_arcmin(),
+                          time.perf_counter() - began)
+        found.append((problem, level, converged))
+        if level.rms_arcmin < NOTHING_ARCMIN or (
+                len(found) > 1 and _gained_nothing(found[-2][1].rms_arcmin, level.rms_arcmin)):
             break
-    assert problem is not None
-    return FromView(problem.surface(), chosen, tuple(levels), problem.eyes_rms_arcmin(), settled)
+    levels = tuple(level for _, level, _ in found)
+    enough = len(found) > 1 and _gained_nothing(levels[-2].rms_arcmin, levels[-1].rms_arcmin)
+    # Of two that show the same, the one with fewer spans: what more of them find is at the rim, and bends it.
+    problem, _, converged = found[-2] if enough else found[-1]
+    settled = converged and (fixed or enough or levels[-1].rms_arcmin < NOTHING_ARCMIN)
+    return FromView(problem.surface(), chosen, levels, problem.eyes_rms_arcmin(), settled)
 
 
 def _gained_nothing(before: float, after: float) -> bool:
@@ -230,7 +235,7 @@ class _Problem:
         """One step; returns by how much it moved the mirror at most, mm."""
         residuals, slopes = self._residuals(self.heights)
         missed = ARCMIN * np.sqrt(sum(float(self.weight @ np.sum(one**2, axis=1)) for one in residuals) / len(residuals))
-        share = max((SMOOTH * min(1.0, missed / SMOOTH_ARCMIN))**2, LEAST_SMOOTH**2)
+        share = max(SMOOTH * min(1.0, missed / SMOOTH_ARCMIN)**2, LEAST_SMOOTH)**2
         matrix = share * self.smooth_squared
         right = -share * self.smooth_free.T @ (self.smooth @ self.heights)
         for residual, (by_z, by_zx, by_zy) in zip(residuals, slopes, strict=True):
@@ -275,7 +280,8 @@ class _Problem:
         free = np.arange(len(right)) != self.tied
         scale = 1.0 / np.sqrt(np.diag(matrix)[free])
         try:
-            factor = cho_factor(matrix[np.ix_(free, free)] * scale[:, None] * scale, check_finite=False)
+            scaled = matrix[np.ix_(free, free)] * scale[:, None] * scale
+            factor = cho_factor(scaled + RIDGE * np.eye(len(scaled)), check_finite=False)
         except LinAlgError:
             raise SurfaceError("the view of [target] leaves the mirror undetermined: are two of its directions the same all "
                                "over it? Fewer spans may do") from None

@@ -156,8 +156,8 @@ def model_sentences(deviation: Deviation, method: str, floor: Floor | None, held
     """
     if not deviation.of_laws:
         return ("What the mirror misses of the wanted view is said in arc minutes under the verdicts. A view settles the "
-                "normal at every place, and three numbers a place are more than one height field has: its normals belong to a "
-                "surface only where their slopes have no curl. What is left is the part that no surface shows.")
+                "normal at every place, and normals belong to a surface only where their slopes have no curl. What is left is "
+                "the part that no surface shows.")
     stage = deviation.stages.model
     model, shape = stage.largest_principal_percent, stage.shape.rms_percent
     if model is None or shape is None:

@@ -14,7 +14,7 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import Edge, edge_of
 from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
-from raytrace.visibility.plan import ENDLESS_MM, Polygon, outlines, shown
+from raytrace.visibility.plan import ENDLESS_MM, Polygon, outlines, visible_intervals
 
 Array = NDArray[np.float64]
 Widths = Callable[[Array], Array]
@@ -111,7 +111,7 @@ class MissingGround:
 
 def seen_lines(left: Edge, right: Edge, x: Array, host: HostVehicle | None = None) -> SeenLines:
     """Compute which parts of lines X = x (n,), rising, on the ground two eyes see; without a host nothing hides."""
-    one, other = (shown(edge, 0, x, 0.0, host) for edge in (left, right))
+    one, other = (visible_intervals(edge, 0, x, 0.0, host) for edge in (left, right))
     return SeenLines(x, one, other)
 
 
