@@ -214,13 +214,12 @@ def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
     for k, each in enumerate(mirrors):
         colour, style = PALETTE[k % len(PALETTE)], STYLES[k % len(STYLES)]  # mirrors alike lie on each other
         turned = turned_figures(each)
-        yaw = np.array(turned["yaw_deg"])
-        low, high = (np.array(turned[f"azimuth_{end}_deg"], dtype=np.float64) for end in ("from", "to"))
+        yaw, low, high = turned.yaw_deg, turned.azimuth_from_deg, turned.azimuth_to_deg
         grid[0].fill_between(yaw, low, high, color=colour, alpha=0.10, linewidth=0)
         for edge in (low, high):
             grid[0].plot(yaw, edge, color=colour, linewidth=1.4, linestyle=style,
                          label=each.mirror.name if edge is low else None)
-        length, endless = np.array(turned["blind_length_m"], dtype=np.float64), np.array(turned["blind_endless"])
+        length, endless = turned.blind_length_m, turned.blind_endless
         grid[1].plot(yaw, length, color=colour, linewidth=1.6, linestyle=style)
         grid[1].plot(yaw[endless], length[endless], color=colour, linestyle="none", marker="^", markersize=6)
     for axes, title in zip(grid, ("azimuths shown on the horizon's row, ° from straight rearward (+ to the right)",
