@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, shape_operator
 from mirror_studio.bench.measuring import median_seconds
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 
 Array = NDArray[np.float64]
 Evaluation = Callable[[Array, Array], tuple[Array, Array, Array]]
@@ -36,7 +35,7 @@ def tables(sides: tuple[int, ...] = SIDES) -> tuple[Table, ...]:
     mirror = design(load_spec("progressive-c"))
     surface, (x_min, x_max, y_min, y_max) = mirror.surface, mirror.box
     oracle = peers.local_properties(surface)
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for side in sides:
         x, y = np.linspace(x_min, x_max, side), np.linspace(y_min, y_max, side)
         shuffled = np.random.default_rng(side).permutation(side * side)

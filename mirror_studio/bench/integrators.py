@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -21,7 +20,7 @@ from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_o
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.bench.measuring import convergence, median_seconds
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 
 Array = NDArray[np.float64]
 
@@ -126,7 +125,7 @@ PLOTS = (
 )
 
 
-def _rows(case: Case) -> Iterator[dict[str, Any]]:
+def _rows(case: Case) -> Iterator[Row]:
     for method, setting, work in _methods(case):
         profile = work()
         step = setting.get("step_mm")
@@ -210,11 +209,11 @@ def reference_heights(law: CurvatureLaw) -> tuple[Array, Array]:
 
 
 def _orders(measured: dict[str, Table]) -> Table:
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for law, table in measured.items():
         for method in (*MARCHED, SPLINE, ADAPTIVE, CHEBYSHEV):
             of_method = [row for row in table.rows if row["method"] == method]
-            row: dict[str, Any] = {"method": method, "law": law}
+            row: Row = {"method": method, "law": law}
             for i, key in enumerate(("height_mm", "curvature_percent")):
                 errors = [one[key] for one in of_method]
                 if method in THEORY:

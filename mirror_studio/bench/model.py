@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.surfaces.fit import FitTask, fit_by_collocation
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
-from mirror_studio.bench.table import Column, Table
+from mirror_studio.bench.table import Column, Row, Table
 
 Array = NDArray[np.float64]
 
@@ -213,14 +213,14 @@ def _edge_middles_and_corners(looked: Looked) -> dict[str, tuple[float, float]]:
 
 
 def _edge_places(looked: list[Looked]) -> Table:
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for look in looked:
         mirror, laws, sag = look.mirror, look.mirror.curvature, look.sag
         for name, (x, y) in _edge_middles_and_corners(look).items():
             at_x, at_y = np.array([x]), np.array([y])
             predicted = leading_terms(sections_at(sag.profile, laws.horizontal, laws.vertical, at_x), at_y)
             realised = _minus(shape_operator_of_sag(sag.derivatives(at_x, at_y)), laws.shape(at_x))
-            row: dict[str, Any] = {"mirror": mirror.spec.name, "place": name, "x": x, "y": y}
+            row: Row = {"mirror": mirror.spec.name, "place": name, "x": x, "y": y}
             for key in predicted._fields:
                 row[f"{key}_predicted"] = _per_km(float(getattr(predicted, key)[0]))
                 row[f"{key}_measured"] = _per_km(float(getattr(realised, key)[0]))
@@ -236,7 +236,7 @@ def _edge_places(looked: list[Looked]) -> Table:
 
 
 def _remainders(looked: list[Looked]) -> Table:
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for mirror, _, (x, y, weights), at, designed, realised in looked:
         predicted, closed = leading_terms(at, y), exact_shape(at, y)
         fitted = shape_operator(mirror.surface.derivatives(x, y))
@@ -258,7 +258,7 @@ def _remainders(looked: list[Looked]) -> Table:
 
 
 def _defects(looked: list[Looked]) -> Table:
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for look in looked:
         mirror, sag, (x, y, weights), at, designed, realised = look
         profile, laws = sag.profile, mirror.curvature
@@ -302,7 +302,7 @@ def _compatible_pairs(levelled: Looked) -> Table:
          Column("predicted", "decoupled, predicted, %")), rows)
 
 
-def _compatible_pair(places: Places, title: str, horizontal: PiecewiseChebyshev, axis_depth_mm: float) -> dict[str, Any]:
+def _compatible_pair(places: Places, title: str, horizontal: PiecewiseChebyshev, axis_depth_mm: float) -> Row:
     x, y, weights = places
     profile = _profile(horizontal, 0.0)
     vertical = compatible_vertical(profile, horizontal, axis_depth_mm)
@@ -332,7 +332,7 @@ def _levels(levelled: Looked) -> Table:
     spec, matched = levelled.mirror.spec, levelled.mirror.matched
     # The law is held, not solved anew: only the level place differs between the rows.
     held = spec.horizontal.model_dump(exclude={"match"}) | dict([matched] if matched else [])
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for level in LEVELS:
         horizontal = type(spec.horizontal).model_validate(held | {"level_at": level})
         look = _look(mirror_cad.design(spec.model_copy(update={"horizontal": horizontal})))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from mirror_cad.surfaces.differential import ShapeOperator, shape_operator, shap
 from mirror_cad.surfaces.fit import curvature_percent
 from mirror_studio.bench.integrators import SMOOTH_LAW
 from mirror_studio.bench.measuring import convergence, median_seconds
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.report.text import given
 
 Array = NDArray[np.float64]
@@ -61,7 +60,7 @@ class Judge:
         return Judge(mirror, x, y, exact, shape_operator_of_sag(exact),
                      mirror.curvature.percent_of(x, mirror.curvature.rms(mirror.outline)))
 
-    def errors(self, surface: BSplineSurface) -> dict[str, Any]:
+    def errors(self, surface: BSplineSurface) -> Row:
         """Largest errors over the trimmed mirror, in height (mm) and principal curvature (percent); and over the sheet."""
         d = at_places(surface, self.x, self.y)
         percent = curvature_percent(shape_operator(d), self.shape, self.percent_of)
@@ -123,7 +122,7 @@ def tables() -> tuple[Table, ...]:
     return routes, _orders(measured)
 
 
-def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[dict[str, Any]]:
+def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[Row]:
     for degree in DEGREES:
         for spans in SPANS:
             fixed = spec.model_copy(update={"surface": spec.surface.model_copy(update={"degree": degree, "spans": spans})})
@@ -135,14 +134,14 @@ def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[dict[str, Any]]:
                    **judge.errors(fit.surface)}
 
 
-def _automatic(spec: MirrorSpec, judge: Judge) -> dict[str, Any]:
+def _automatic(spec: MirrorSpec, judge: Judge) -> Row:
     fits = [design(spec).fit for _ in range(3)]
     fit = fits[0]
     return {"route": "collocation, automatic", "setting": f"degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans",
             "time_ms": 1e3 * sorted(one.seconds for one in fits)[1], **judge.errors(fit.surface)}
 
 
-def _foreign(judge: Judge) -> Iterator[dict[str, Any]]:
+def _foreign(judge: Judge) -> Iterator[Row]:
     def points(n: int) -> Array:
         x_min, x_max, y_min, y_max = judge.mirror.surface.domain
         x, y = np.meshgrid(np.linspace(x_min, x_max, n), np.linspace(y_min, y_max, n), indexing="ij")
@@ -166,7 +165,7 @@ def _foreign(judge: Judge) -> Iterator[dict[str, Any]]:
                **judge.errors(peers.as_bspline(make()))}
 
 
-def _orders(measured: dict[str, list[dict[str, Any]]]) -> Table:
+def _orders(measured: dict[str, list[Row]]) -> Table:
     rows = []
     for law, collocated in measured.items():
         for degree in DEGREES:

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from mirror_cad.outline import Outline
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_studio.as_json import Json
 from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web.protocol import ViewSettings
 from mirror_studio.web.turned import Turn, aimed
@@ -93,7 +93,7 @@ class Designed:
                 "kx_max_percent": total.kx.max_percent, "ky_max_percent": total.ky.max_percent,
                 "shape_rms_percent": total.shape.rms_percent}
 
-    def figures(self, turn: Turn) -> dict[str, Any]:
+    def figures(self, turn: Turn) -> dict[str, Json]:
         """The figures of metrics.json, under its names: fields of view in degrees, lane straightness in percent."""
         mirror, eye = self.mirror, turn.to_mirror(self.setting.eye)
         surface = self.reflector.surface
@@ -163,7 +163,7 @@ def _shown(outline: Outline) -> Array:
 class Shown:
     """What a request is answered with: JPEG pictures and arrays by name, the rest as JSON holds it."""
 
-    header: dict[str, Any]
+    header: dict[str, Json]
     pictures: dict[str, bytes]
     arrays: dict[str, Array]
 
@@ -205,7 +205,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflecto
     return Shown(header, pictures, arrays)
 
 
-def described(one: Designed, fine: bool) -> dict[str, Any]:
+def described(one: Designed, fine: bool) -> dict[str, Json]:
     """What an answer says of a design, whatever is seen in it."""
     mirror = one.mirror
     return {"radii": one.radii(), "box_mm": list(mirror.box), "notes": list(mirror.notes),
@@ -251,7 +251,7 @@ def jpeg(picture: Picture, quality: int) -> bytes:
     return buffer.getvalue()
 
 
-def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
+def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Json] | None:
     """What the ray through (x, y) mm of the picture plane does.
 
     Where it meets the mirror and lands, and by how much the mirror magnifies far things there against a flat one, across and

@@ -6,11 +6,12 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_studio.as_json import Json
 from mirror_studio.drive.in_plan import footprint, without_cuts
 from mirror_studio.drive.mirrors import DrivenMirror, on_vehicle
 from mirror_studio.drive.pictures import World
@@ -100,7 +101,7 @@ def world(report: Callable[[str], None]) -> World:
 
 
 @lru_cache(maxsize=1)
-def surroundings(made: World) -> dict[str, Any]:
+def surroundings(made: World) -> dict[str, Json]:
     """What a plan shows around the ground that is seen, m: the road's edges and lines, the own vehicle, the others."""
     scene = load_scene(DEFAULT)
     own, road = scene.own_vehicle, scene.road
@@ -129,7 +130,7 @@ class Ground:
     """
 
     outlines: dict[str, Array]
-    figures: dict[str, Any]
+    figures: dict[str, Json]
 
 
 @lru_cache(maxsize=KEPT)

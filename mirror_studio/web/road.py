@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.spec import MirrorSpec
+from mirror_studio.as_json import Json
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, World, camera_at, cones_of, eye_picture
 from mirror_studio.drive.world import HOUSING, MM, housing_body
@@ -99,7 +99,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None
     seen = {"picture": mirror} if own is None else {"picture": mirror, "own": driven_own(own, stand)}
     figures = one.figures(Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
     pose = mirror.pose
-    road: dict[str, Any] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
+    road: dict[str, Json] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
                             "eyes_m": [(eye / MM).tolist() for eye in (mirror.eyes.left, mirror.eyes.right)],
                             "mirror_m": (pose.to_vehicle(np.zeros(3)) / MM).tolist()}
     arrays = dict(one.maps)
@@ -199,7 +199,7 @@ def _plain(shell: SurfaceMesh, pose: Pose) -> Body:
 # --- under the pointer ------------------------------------------------------------------------------------------------
 
 
-def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
+def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Json] | None:
     """What the ray through (x, y) mm of the mirror's picture plane does.
 
     Where it meets the mirror, by how much the mirror magnifies far things there against a flat one, and what it meets on the
@@ -218,7 +218,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
             "road": met(world(lambda text: None), sight.points[0], sight.directions[0])}
 
 
-def met(made: World, start: Array, way: Array) -> dict[str, Any]:
+def met(made: World, start: Array, way: Array) -> dict[str, Json]:
     """What a ray (3,), (3,) meets: its name, and X behind the eyes, Y to the right and Z above the ground, m."""
     hits = made.lit.scene.first_hits(start, way[None])
     triangle, away = int(hits.triangle[0]), float(hits.distance[0])
