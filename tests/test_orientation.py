@@ -16,7 +16,7 @@ from mirror_studio.drive.as_json import figures_as_json
 from mirror_studio.drive.measured import asked_of, main_figures, measure
 from mirror_studio.drive.mirrors import driven_mirror, on_vehicle
 from mirror_studio.drive.pictures import World
-from mirror_studio.drive.table import cells, groups_of, ways
+from mirror_studio.drive.table import cells, groups_of, orientations
 from mirror_studio.scene_file import AimSection, SceneFile, load_scene
 from raytrace.measures.eye_fields import eye_fields
 from raytrace.measures.ground import seen_widths
@@ -132,7 +132,7 @@ def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneF
     json.dumps([once, twice], allow_nan=False)
     rows = {row.name: row for _, rows in groups_of(seen[1:]) for row in rows}
     assert set(rows) == {row.name for _, rows in groups_of(seen[:1]) for row in rows}
-    assert ways(seen) == ["upside down and left for right", "some things twice"]
+    assert orientations(seen) == ["upside down and left for right", "some things twice"]
     for name in ("horizon_either_deg", "lane_bow_arcmin", "ground_width_4_m_either_m", "blind_length_m"):
         assert cells(rows[name], seen[1:]) == ["—"]
         assert twice["measures"][name] is None

@@ -32,7 +32,7 @@ SMOOTH_LAW = "0.00125 - 0.00062*tanh((x + 40)/40)"  # 1/mm; radii from 540 to 15
 LEVEL_MM = 0.0
 HALF_WIDTH_MM = 115.0
 # Places at which curvature is compared: their number is prime, so that they meet none of the nodes but the ends.
-PLACES = 9973
+SAMPLES = 9973
 PANELS = 1150  # of the reference quadrature
 GAUSS_POINTS = 12  # a panel of 0.2 mm: far beyond rounding
 
@@ -47,7 +47,7 @@ THEORY = {EULER: (1, 1), SEMI_IMPLICIT: (1, 1), RK4: (4, 4), SPLINE: (6, 5)}
 class Case:
     """A law over the mirror's width, with what a right profile would give.
 
-    x, designed : places (n,) and κ there, 1/mm.   heights_at, heights : places (m,) and z there above the right end, mm.
+    x, designed : points (n,) and κ there, 1/mm.   heights_at, heights : points (m,) and z there above the right end, mm.
     """
 
     law: CurvatureLaw
@@ -62,7 +62,7 @@ class Case:
     def of(law: CurvatureLaw) -> Case:
         """The case of one law over the width of the benchmark."""
         kappa = law.series(-HALF_WIDTH_MM, HALF_WIDTH_MM)
-        x = np.linspace(-HALF_WIDTH_MM, HALF_WIDTH_MM, PLACES)
+        x = np.linspace(-HALF_WIDTH_MM, HALF_WIDTH_MM, SAMPLES)
         return Case(law, kappa, chebyshev_quadrature(kappa), x, law.function(x), *reference_heights(law))
 
     def height_error_mm(self, profile: Profile) -> float:
@@ -126,10 +126,10 @@ PLOTS = (
 
 
 def _rows(case: Case) -> Iterator[Row]:
-    for method, setting, work in _methods(case):
+    for method, options, work in _methods(case):
         profile = work()
-        step = setting.get("step_mm")
-        yield {"method": method, **setting, "steps": profile.steps, "time_ms": 1e3 * median_seconds(work),
+        step = options.get("step_mm")
+        yield {"method": method, **options, "steps": profile.steps, "time_ms": 1e3 * median_seconds(work),
                "height_mm": case.height_error_mm(profile), "curvature_percent": case.curvature_error_percent(profile),
                "predicted_percent": None if step is None else case.predicted_percent(method, step)}
 

@@ -33,9 +33,9 @@ MAX_INTERPOLATED = 72  # points a direction; with more the kernel's interpolatio
 MIN_APPROXIMATED = 50  # points a direction; with fewer a tight approximation swings between them
 PLAIN, TIGHT = (3, 8, 1e-3), (5, 8, 1e-6)  # degrees and tolerance (mm) of the kernel's approximation
 TIGHT_FACE_MM = 1e-5
-NEWTON_STEPS, FOUND_MM = 20, 1e-9  # where a folded surface has no such place, the search ends here
+NEWTON_STEPS, FOUND_MM = 20, 1e-9  # where a folded surface has no such point, the search ends here
 THINNED = 7  # of the cells inside the outline every seventh, and all places on it: 9,000, skewed, for errors that are smooth
-SHEET_PLACES = (211, 311)  # of a surface's whole extent, for dents beyond the mirror
+SHEET_SAMPLES = (211, 311)  # of a surface's whole extent, for dents beyond the mirror
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,10 +62,10 @@ class Judge:
 
     def errors(self, surface: BSplineSurface) -> Row:
         """Largest errors over the trimmed mirror, in height (mm) and principal curvature (percent); and over the sheet."""
-        d = at_places(surface, self.x, self.y)
+        d = at_points(surface, self.x, self.y)
         percent = curvature_percent(shape_operator(d), self.shape, self.percent_of)
         u_min, u_max, v_min, v_max = surface.domain
-        over = surface.on_grid(np.linspace(u_min, u_max, SHEET_PLACES[0]), np.linspace(v_min, v_max, SHEET_PLACES[1]))["s"]
+        over = surface.on_grid(np.linspace(u_min, u_max, SHEET_SAMPLES[0]), np.linspace(v_min, v_max, SHEET_SAMPLES[1]))["s"]
         x_min, x_max, y_min, y_max = self.mirror.surface.domain
         z = self.mirror.exact.height(np.clip(over[..., 0], x_min, x_max), np.clip(over[..., 1], y_min, y_max))
         return {"poles": surface.poles.shape[0] * surface.poles.shape[1],
@@ -75,7 +75,7 @@ class Judge:
                 "sheet_mm": float(np.abs(over[..., 2] - z).max())}
 
 
-def at_places(surface: BSplineSurface, x: Array, y: Array) -> dict[str, Array]:
+def at_points(surface: BSplineSurface, x: Array, y: Array) -> dict[str, Array]:
     """`derivatives` at the parameters whose point has these (x, y).
 
     Newton, from where they would be were they linear in (x, y). For a surface with u = x, v = y that is where it begins.

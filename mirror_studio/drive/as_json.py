@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mirror_studio.as_json import Json, JsonObject, placement_as_json
 from mirror_studio.drive.measured import (
     MAGNIFICATIONS,
-    WAYS,
+    ORIENTATIONS,
     MainFigures,
     Measured,
     TurnedFigures,
@@ -70,20 +70,22 @@ def _figures(measured: Measured) -> dict[str, Json]:
     disparity_ = measured.disparity
     return {
         "aim": _aim(measured),
-        "image": {"way": WAYS[measured.orientation.way], "twice": measured.orientation.twice},
+        "image": {"way": ORIENTATIONS[measured.orientation.way], "twice": measured.orientation.twice},
         "field_deg": _fields(measured.fields),
         "magnification": {name: dataclasses.asdict(spread_of(measured, name)) for name in MAGNIFICATIONS},
         "disparity": {"max_percent": disparity_.max_percent, "max_at_mm": disparity_.max_at_mm,
                       "max_rate_percent_per_mm": disparity_.max_rate_percent_per_mm,
                       "max_rate_at_mm": disparity_.max_rate_at_mm},
         "angular_size": [{"distance_m": one.distance_mm / MM, **{
-            f"{way}_arcmin": _size(getattr(one, way)) for way in ("mirror", "flat", "direct")}} for one in measured.sizes],
-        "lane_line": {"bow_arcmin": bow and bow.arcmin, "extent_arcmin": bow and bow.extent_arcmin,
-                      "straightness_percent": measured.straightness and measured.straightness.percent,
+            f"{kind}_arcmin": _size(getattr(one, kind)) for kind in ("mirror", "flat", "direct")}} for one in measured.sizes],
+        "lane_line": {"bow_arcmin": None if bow is None else bow.arcmin,
+                      "extent_arcmin": None if bow is None else bow.extent_arcmin,
+                      "straightness_percent": None if measured.straightness is None else measured.straightness.percent,
                       "reference_plane_percent": measured.plane_straightness,
                       "unmeasured": measured.line_unmeasured},
-        "column": {"tilt_arcmin": tilt and tilt.arcmin, "flat_tilt_arcmin": tilt and tilt.flat_arcmin,
-                   "own_tilt_arcmin": tilt and tilt.own_arcmin},
+        "column": {"tilt_arcmin": None if tilt is None else tilt.arcmin,
+                   "flat_tilt_arcmin": None if tilt is None else tilt.flat_arcmin,
+                   "own_tilt_arcmin": None if tilt is None else tilt.own_arcmin},
         "grid": {"rms_arcmin": grid.rms_arcmin, "max_arcmin": grid.max_arcmin, "max_at_deg": grid.max_at_deg,
                  "rms_percent": grid.rms_percent, "max_percent": grid.max_percent, "nodes": int(grid.shown.sum())},
         "ground": {"seen_width_m": [{"at_m": one.x_mm / MM, "either": one.either_mm / MM, "both": one.both_mm / MM}

@@ -138,14 +138,14 @@ def _lines(axes: Axes, each: Measured) -> None:
     found = each.grid
     nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
     # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
-    places = each.mirror.views.middle.untrimmed.trace_places(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
-    for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
+    on_mirror = each.mirror.views.middle.untrimmed.trace_places(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
+    for lines, degrees in ((on_mirror, found.elevation_deg), (np.swapaxes(on_mirror, 0, 1), found.azimuth_deg)):
         for line, angle in zip(lines, degrees, strict=True):
             fifth = round(float(angle)) % 5 == 0
             axes.plot(line[:, 0], line[:, 1], color=FAINT if not fifth else "#8d979f", linewidth=0.35 if not fifth else 0.7)
     horizon = np.flatnonzero(np.abs(found.elevation_deg) < 1e-9)
     if horizon.size:
-        axes.plot(*places[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
+        axes.plot(*on_mirror[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
     if each.bow is not None:
         line = each.bow.image.on_mirror[:, :2]
         axes.plot(*line.T, color=LANE, linewidth=1.8, label="lane line")

@@ -56,7 +56,7 @@ from raytrace.visibility.orientation import Orientation, orientation
 
 Array = NDArray[np.float64]
 
-WAYS = {"upright": "upright", "inverted": "upside down and left for right", "reversed": "turned over in one direction",
+ORIENTATIONS = {"upright": "upright", "inverted": "upside down and left for right", "reversed": "turned over in one direction",
         "mixed": "some things twice"}
 Magnification = Literal["horizontal", "vertical", "ratio"]
 MAGNIFICATIONS: tuple[Magnification, ...] = get_args(Magnification)
@@ -118,7 +118,7 @@ def in_use(mirror: DrivenMirror, asked: Asked) -> MirrorInUse:
     seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
     view = View(whole, Pose.identity(), eye_position(seat.distance_mm, seat.aligned, box))
     lane = Lane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, scene.distance_mm)
-    vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked)
+    vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked)
     if mirror.spec is None:
         return MirrorInUse(view, lane, vehicle=vehicle)
     designed = design(mirror.spec)
@@ -136,9 +136,9 @@ def measure(mirror: DrivenMirror, asked: Asked) -> Measured:
         use.record(fields_in_use), use.record(distortion_in_use), use.record(sizes_in_use), use.record(bow_in_use),
         use.record(straightness_in_use), use.record(line_unmeasured_in_use), use.record(lane_in_use).percent,
         use.record(tilt_in_use),
-        seen_ground(views.left, views.right, mirror.own), use.record(widths_in_use), use.record(nearest_in_use),
+        seen_ground(views.left, views.right, mirror.host), use.record(widths_in_use), use.record(nearest_in_use),
         use.record(blind_zones_in_use), use.record(hidden_in_use),
-        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked.lane, TURNS, 0.0, asked.direct_view),
+        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked.lane, TURNS, 0.0, asked.direct_view),
         shown_round(views))
 
 
@@ -215,9 +215,9 @@ def main_figures(mirror: DrivenMirror, asked: Asked) -> MainFigures:
     found = MainFigures(flank_share=_number(aim.flank), horizon_share=_number(aim.horizon))
     if shown_round(views).twice:
         return found
-    blind = blind_zone(views.left, views.right, mirror.own, asked.lane, 0.0, asked.direct_view)
-    width = seen_widths(views.left, views.right, mirror.own, (20_000.0,))[0]
-    return replace(found, horizon_either_deg=extent(eye_fields(views, mirror.own).horizon_clear.either),
+    blind = blind_zone(views.left, views.right, mirror.host, asked.lane, 0.0, asked.direct_view)
+    width = seen_widths(views.left, views.right, mirror.host, (20_000.0,))[0]
+    return replace(found, horizon_either_deg=extent(eye_fields(views, mirror.host).horizon_clear.either),
                    width_at_20_m=width.either_mm / MM, blind_length_m=blind.length_mm / MM, blind_endless=blind.endless)
 
 

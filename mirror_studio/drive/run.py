@@ -26,10 +26,10 @@ from raytrace.seating import Place
 
 
 def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
-          places: Mapping[str, Place] | None = None) -> JsonObject:
+          placements: Mapping[str, Place] | None = None) -> JsonObject:
     """Make the files of some mirrors in one scene in `out`, which is replaced as a whole; returns what measures.json holds.
 
-    places : by name, where a mirror is in its file; "auto" for what is not in it.
+    placements : by name, where a mirror is in its file; "auto" for what is not in it.
 
     Raises: MirrorError, with nothing written.
     """
@@ -37,7 +37,7 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
         mirrors: list[DrivenMirror] = []
         for name in names:
             progress.step(f"{name}: making and aiming")
-            mirrors.append(driven_mirror(name, scene, (places or {}).get(name, "auto")))
+            mirrors.append(driven_mirror(name, scene, (placements or {}).get(name, "auto")))
             if mirrors[-1].spec is None:
                 stated_placement(mirrors[-1].name, mirrors[-1].whole, progress)
         mirrors = named_apart(mirrors, names)

@@ -9,7 +9,7 @@ from pathlib import Path
 from mirror_cad.laws.words import plain
 from mirror_studio.drive.measured import MainFigures, Measured, spread_of
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, camera_at
-from mirror_studio.drive.table import WAY_DEFINITION, WAY_TITLE, cells, groups_of, ways
+from mirror_studio.drive.table import ORIENTATION_DEFINITION, ORIENTATION_TITLE, cells, groups_of, orientations
 from mirror_studio.report.text import fixed, templates
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.measures.eye_fields import extent
@@ -43,7 +43,7 @@ def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured],
         facts=_facts(scene, left_out),
         lead=_lead(scene) if len(measured) > 1 else "", one_scale=_one_scale(measured),
         lines_percent=f"{100.0 * lines_width:.1f}", radii_of=_designed(measured),
-        mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)),
+        mirrors=mirrors, groups=groups, way=(ORIENTATION_TITLE, ORIENTATION_DEFINITION, orientations(measured)),
         lines=_lines(measured[0].asked, scene),
         direct=f"{plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])

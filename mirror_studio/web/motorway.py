@@ -137,7 +137,7 @@ class Ground:
 def ground(mirror: DrivenMirror, stand: MountParameters) -> Ground:
     """What a mirror shows of the ground: `raytrace.measures.ground` and `.blind_zone`, as `mirror-cad drive` measures it."""
     asked = scene_for(stand).measured
-    left, right, own = mirror.views.left, mirror.views.right, mirror.own
+    left, right, own = mirror.views.left, mirror.views.right, mirror.host
     seen = seen_ground(left, right, own)
     widths = seen_widths(left, right, own, tuple(MM * at for at in asked.widths_at_m))
     nearest, _ = nearest_at_flank(left, right, own)

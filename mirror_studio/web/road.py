@@ -28,9 +28,9 @@ from mirror_studio.web.engine import (
     jpeg,
     size_of,
 )
+from mirror_studio.web.mirror_pose import MirrorPose
 from mirror_studio.web.motorway import MountParameters, driven, driven_own, ground, surroundings, world
 from mirror_studio.web.protocol import ViewSettings
-from mirror_studio.web.turned import Turn
 from raytrace.image import photograph
 from raytrace.measures.magnification import ray_differentials
 from raytrace.reflector import Reflector
@@ -97,7 +97,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None
     one, stand = designed(spec), MountParameters.of(look)
     mirror = driven(one, stand)
     seen = {"picture": mirror} if own is None else {"picture": mirror, "own": driven_own(own, stand)}
-    figures = one.figures(Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
+    figures = one.figures(MirrorPose(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
     pose = mirror.pose
     road: dict[str, Json] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
                             "eyes_m": [(eye / MM).tolist() for eye in (mirror.eyes.left, mirror.eyes.right)],
@@ -128,7 +128,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None
         pictures[f"{name}{number}"] = jpeg(picture, FINE_QUALITY if fine else QUICK_QUALITY)
     end = time.perf_counter()
     header = described(one, fine) | {
-        "figures": figures, "plane_z_mm": one.setting.plane_z_mm, "road": road, "cameras": cameras, "layout": layout,
+        "figures": figures, "plane_z_mm": one.setup.plane_z_mm, "road": road, "cameras": cameras, "layout": layout,
         "sizes_mm": {name: size_of(each.views.middle.box) for name, each in seen.items()},
         "eyes_mm": [view.eye_in_mirror.tolist() for view in views_of(mirror, look)],
         "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)}}

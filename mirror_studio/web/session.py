@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fastapi import WebSocket, WebSocketDisconnect
 
@@ -37,6 +37,7 @@ from mirror_studio.web.uploads import Uploads
 
 if TYPE_CHECKING:
     from mirror_cad.spec import MirrorSpec
+    from mirror_studio.as_json import Json
     from mirror_studio.web.engine import Designed, Shown
 
 T = TypeVar("T")
@@ -182,7 +183,7 @@ class Session:
 
             shown = road.show(spec, look, fine, own, reports.report, reports.early)
         if look.own is not None and own is None:
-            shown.header["notes"] = [*shown.header["notes"], OWN_IS_GONE]
+            shown.header["notes"] = [*cast("list[Json]", shown.header["notes"]), OWN_IS_GONE]
         return shown
 
     async def _pinned(self, message: Pinned) -> None:
