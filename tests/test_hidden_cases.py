@@ -65,7 +65,7 @@ def test_the_host_vehicle_hides_what_an_independent_program_says(change: dict[st
 
 def test_the_default_scene_turned_by_a_degree() -> None:
     turned = on_motorway().turned(-np.radians(TURN_DEG), 0.0)
-    assert extent(eye_fields(turned.views, turned.own).horizon_clear.either) == pytest.approx(41.706524, rel=1e-5)
+    assert extent(eye_fields(turned.views, turned.host).horizon_clear.either) == pytest.approx(41.706524, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["progressive-c", "european-aspheric"])
@@ -123,9 +123,9 @@ def test_a_line_whose_far_end_the_host_vehicle_hides_has_the_figures_of_the_part
     assert road_straightness(middle, line, mirror.host) is not None
     assert why_unmeasured(middle, line, mirror.host, 5) is None
     wide = on_motorway(width=3.4)
-    assert line_images(wide.views.middle, line, wide.own) == ()
-    assert why_unmeasured(wide.views.middle, line, wide.own, 5) == "hidden by the host vehicle"
-    assert why_unmeasured(wide.views.middle, road_line(40_000.0), wide.own, 5) == "not shown"
+    assert line_images(wide.views.middle, line, wide.host) == ()
+    assert why_unmeasured(wide.views.middle, line, wide.host, 5) == "hidden by the host vehicle"
+    assert why_unmeasured(wide.views.middle, road_line(40_000.0), wide.host, 5) == "not shown"
 
 
 # --- a mirror in two faces ---------------------------------------------------------------------------------------------------
