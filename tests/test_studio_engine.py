@@ -184,7 +184,7 @@ def test_the_designs_own_file_beside_it_shows_the_same(tmp_path: Path, uploads: 
     mirror.export_step(tmp_path / "own.step")
     name = uploads.add("reflector", ".step", (tmp_path / "own.step").read_bytes())
     own = uploads.reflector(name)
-    shown = engine.show(spec, ViewSettings(width=400, height=300, yaw_deg=2.0), own=own)
+    shown = engine.show(spec, ViewSettings(width=400, height=300, yaw_deg=2.0), users_mirror=own)
     pictures = [np.asarray(Image.open(io.BytesIO(shown.pictures[key])), dtype=float) for key in ("picture0", "own0")]
     assert pictures[0].shape == pictures[1].shape
     assert np.mean(np.abs(pictures[0] - pictures[1])) < 0.5

@@ -168,13 +168,20 @@ class Shown:
     arrays: dict[str, Array]
 
 
-def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflector | None = None,
+def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, users_mirror: Reflector | None = None,
          progress: Callable[[float], None] | None = None) -> Shown:
     """Design, look and measure. `fine`: with every edge smoothed and the deviations from the laws, which takes longer.
 
-    own : another reflector in mirror coordinates, shown beside the design at equal aim: the ray to the middle of its box is
-    reflected where the design sends that to its own.
-    Raises: MirrorError for a design that cannot be, or that the eye does not see; what `progress` raises.
+    Parameters
+    ----------
+    users_mirror
+        Another reflector in mirror coordinates, shown beside the design at equal aim: the ray to the middle of its box is
+        reflected where the design sends that to its middle.
+
+    Raises
+    ------
+    MirrorError
+        For a design that cannot be, or that the eye does not see; and what `progress` raises.
     """
     start = time.perf_counter()
     one = designed(spec)
@@ -185,7 +192,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflecto
     middle = time.perf_counter()
     scene = one.setup.scene(one.picture, spec)
     samples, quality = (FINE_SAMPLES, FINE_QUALITY) if fine else (QUICK_SAMPLES, QUICK_QUALITY)
-    seen = mirrors_in_view(one, turn, own)
+    seen = mirrors_in_view(one, turn, users_mirror)
     width, height = (look.width, look.height) if fine else map(min, (look.width, look.height), QUICK_ROOM)
     layout, framed = laid_out([box for _, _, box in seen], len(eyes), width, height)
     pictures, frames = {}, dict(zip(("picture", "own"), framed, strict=False))
@@ -274,20 +281,20 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def mirrors_in_view(one: Designed, turn: MirrorPose, own: Reflector | None) -> list[tuple[Reflector, MirrorPose, Box]]:
-    """The design, and the own mirror if there is one: how each stands, and its box."""
-    beside = [] if own is None else [(own, *own_turn(one, turn, own))]
+def mirrors_in_view(one: Designed, turn: MirrorPose, users_mirror: Reflector | None) -> list[tuple[Reflector, MirrorPose, Box]]:
+    """The design, and the user's mirror if there is one: how each stands, and its box."""
+    beside = [] if users_mirror is None else [(users_mirror, *pose_of_users_mirror(one, turn, users_mirror))]
     return [(one.reflector, turn, one.mirror.box), *beside]
 
 
-def own_turn(one: Designed, turn: MirrorPose, own: Reflector) -> tuple[MirrorPose, Box]:
+def pose_of_users_mirror(one: Designed, turn: MirrorPose, users_mirror: Reflector) -> tuple[MirrorPose, Box]:
     """How the other reflector stands and its box, as `show` says. Raises: TraceError where the eye's ray misses it."""
     from raytrace.errors import TraceError
 
-    box = box_of(own)
+    box = box_of(users_mirror)
     centre = np.array([0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])])
-    above = np.array([[centre[0], centre[1], float(own.outline()[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
-    met = reflect(own, above[0], np.array([[0.0, 0.0, -1.0]]))
+    above = np.array([[centre[0], centre[1], float(users_mirror.outline()[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
+    met = reflect(users_mirror, above[0], np.array([[0.0, 0.0, -1.0]]))
     if met.status[0] != Status.REFLECTED:
         raise TraceError(f"the uploaded mirror does not reflect at the middle of its box, ({centre[0]:.1f}, {centre[1]:.1f}) "
                          "mm, seen along −z: is it in mirror coordinates?")

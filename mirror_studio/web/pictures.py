@@ -20,10 +20,10 @@ WHITE = 255
 SMALLEST_PICTURE = 16  # pixels, as a specification may ask for
 
 
-def driver_picture(spec: MirrorSpec, look: ViewSettings, own: Reflector | None) -> bytes:
-    """The design turned as `look` has it, seen by one eye or both, beside the own mirror if there is one.
+def driver_picture(spec: MirrorSpec, look: ViewSettings, users_mirror: Reflector | None) -> bytes:
+    """The design turned as `look` has it, seen by one eye or both, beside the user's mirror if there is one.
 
-    The design's pictures are spec.view.width_px wide, the own mirror's of the same scale; where that would be wider than a
+    The design's pictures are spec.view.width_px wide, the user's mirror's of the same scale; where that would be wider than a
     picture may be, all are smaller. Raises: MirrorError.
     """
     from PIL import Image
@@ -31,7 +31,7 @@ def driver_picture(spec: MirrorSpec, look: ViewSettings, own: Reflector | None) 
     one = designed(spec)
     turn = MirrorPose(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
     scene = one.setup.scene(one.picture, spec)
-    seen = mirrors_in_view(one, turn, own)
+    seen = mirrors_in_view(one, turn, users_mirror)
     wide = {box: Frame.around(box, 1).pixel for _, _, box in seen}  # mm
     pixel = max(wide[one.mirror.box] / spec.view.width_px, max(wide.values()) / LARGEST_PICTURE)
     frames = {box: Frame.around(box, max(SMALLEST_PICTURE, round(wide[box] / pixel))) for box in wide}

@@ -29,7 +29,7 @@ from mirror_studio.web.engine import (
     size_of,
 )
 from mirror_studio.web.mirror_pose import MirrorPose
-from mirror_studio.web.motorway import MountParameters, driven, driven_own, ground, surroundings, world
+from mirror_studio.web.motorway import MountParameters, driven, driven_users_mirror, ground, surroundings, world
 from mirror_studio.web.protocol import ViewSettings
 from raytrace.image import photograph
 from raytrace.measures.magnification import ray_differentials
@@ -83,20 +83,20 @@ class _Past:
         return found
 
 
-def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None, report: Report,
+def show(spec: MirrorSpec, look: ViewSettings, fine: bool, users_mirror: Reflector | None, report: Report,
          early: Callable[[Shown], None] | None = None) -> Shown:
     """Design, put on the vehicle, aim and look.
 
     A draft has as many pixels as DRAFT_MS make; `fine` is the picture that `mirror-cad drive` takes, with the ground that is
     seen and its figures, which `early` gets before the picture is begun.
 
-    own : another reflector, shown beside the design at equal aim.
+    users_mirror : another reflector, shown beside the design at equal aim.
     Raises: MirrorError for a design that cannot be, or an aim that cannot be met; what `report` raises.
     """
     start = time.perf_counter()
     one, stand = designed(spec), MountParameters.of(look)
     mirror = driven(one, stand)
-    seen = {"picture": mirror} if own is None else {"picture": mirror, "own": driven_own(own, stand)}
+    seen = {"picture": mirror} if users_mirror is None else {"picture": mirror, "own": driven_users_mirror(users_mirror, stand)}
     figures = one.figures(MirrorPose(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
     pose = mirror.pose
     road: dict[str, Json] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
