@@ -149,7 +149,7 @@ def view(what: str, /, *, out: Out = None, vtp: Path | None = None, png: Png = N
         Draw the window into this .png file, or beside the files for ParaView where none is named; needs no display.
     """
     if vtp is not None and (out is not None or png is not None):
-        print("mirror-cad: --vtp opens no window and writes to its own place: without --out and --png", file=sys.stderr)
+        print("mirror-cad: --vtp opens no window and writes to its own folder: without --out and --png", file=sys.stderr)
         return BAD_INPUT
     if vtp is None:
         from mirror_studio.desktop.display import check_display, check_picture
@@ -192,11 +192,11 @@ def drive(mirror: list[str], /, *, scene: str = "motorway", place: PlaceTexts = 
     from mirror_studio.scene_file import load_scene
 
     loaded = load_scene(scene)
-    from mirror_studio.drive.mirrors import places_of
+    from mirror_studio.drive.mirrors import placements_of
     from mirror_studio.drive.run import drive as run
 
-    places = places_of(mirror, place or [])
-    return _finish(run(mirror, loaded, out or Path("exports") / f"drive-{loaded.name}", Progress(), places), (), json)
+    placements = placements_of(mirror, place or [])
+    return _finish(run(mirror, loaded, out or Path("exports") / f"drive-{loaded.name}", Progress(), placements), (), json)
 
 
 @app.command

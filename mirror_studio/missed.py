@@ -23,7 +23,7 @@ def _sentence(row: Requirement) -> str:
     actual = "not to be measured" if math.isnan(row.actual) else _plain_spaces(actual_in_words(row, sign=row.group == "part"))
     if row.group == "view":
         return f"{row.name}: {actual}, asked for: at {row.side} {limit}"
-    where = "" if row.place is None else f" at ({row.place[0]:.1f}, {row.place[1]:.1f}) mm"
+    where = "" if row.point is None else f" at ({row.point[0]:.1f}, {row.point[1]:.1f}) mm"
     return f"{row.name}: {actual}{where}, the {'limit' if row.group == 'part' else 'tolerance'} is {limit}"
 
 

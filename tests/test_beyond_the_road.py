@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from raytrace.viewing.driver_view import driver_view
 
 import mirror_cad
 import raytrace
 from mirror_cad.spec.file import preset_names
 from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.driver_picture import driver_view
 from raytrace.image import landing_points
 from raytrace.scene.reference import BESIDE, BEYOND_MM, ROAD_MM, ReferencePlane, load_picture
 from raytrace.viewing.pose import Pose

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from mirror_cad.mirror import design
 from mirror_studio.drive import drawings
+from mirror_studio.drive.measured import TurnedFigures
 from raytrace.reflector import Reflector
 from tests.conftest import constant, spec_of
 
@@ -78,10 +79,9 @@ def test_lines_of_some_mirrors_fill_their_figure(reflectors: list[Reflector], mo
 @pytest.mark.parametrize("name", ["m", LONG_NAME])
 def test_names_of_turned_mirrors_are_not_cut_off(reflectors: list[Reflector], monkeypatch: pytest.MonkeyPatch, count: int,
                                                  name: str) -> None:
-    yaw = np.arange(-10.0, 10.5).tolist()
-    monkeypatch.setattr(drawings, "turned_figures", lambda each: {
-        "yaw_deg": yaw, "azimuth_from_deg": yaw, "azimuth_to_deg": [one + 40.0 for one in yaw],
-        "blind_length_m": yaw, "blind_endless": [False] * len(yaw)})
+    yaw = np.arange(-10.0, 10.5)
+    turned = TurnedFigures(yaw, yaw, yaw + 40.0, yaw, np.zeros(len(yaw), dtype=np.bool_))
+    monkeypatch.setattr(drawings, "turned_figures", lambda each: turned)
     figures = drawn(monkeypatch)
     drawings.turned_drawing(Path("turned.png"), [measured(reflectors[0], f"{name}-{k}") for k in range(count)])
     fits(figures[0])

@@ -135,7 +135,7 @@ def test_cuts_have_the_curvatures_that_the_construction_gives_them(progressive: 
         ("y", pytest.approx(-half_width / 3)), ("y", pytest.approx(0.0, abs=1e-9)), ("y", pytest.approx(half_width / 3))]
     tolerance = 1e-4  # relative: the fit's 0.01 % of curvature
     for cut in found:
-        inside = np.isfinite(cut.place)
+        inside = np.isfinite(cut.position)
         assert inside.sum() > 200
         x = cut.points[inside, 0]
         if cut.along == "y":  # a circle of radius Ry in the plane x = const, by construction
@@ -150,7 +150,7 @@ def test_cuts_have_the_curvatures_that_the_construction_gives_them(progressive: 
         again = deviation_in("%", cut.realised, cut.designed, rms)
         assert np.nanmax(np.abs(again.kx - cut.deviation["kx"])) == 0.0
     columns = cuts_table(found).columns
-    assert len(columns["x_mm"]) == sum(int(np.isfinite(cut.place).sum()) for cut in found)
+    assert len(columns["x_mm"]) == sum(int(np.isfinite(cut.position).sum()) for cut in found)
     assert np.isfinite(np.asarray(columns["section_curvature_per_m"])).all()
 
 

@@ -58,7 +58,7 @@ def on_motorway(name: str = "progressive-c", flank: float = 0.12, width: float =
 def test_the_host_vehicle_hides_what_an_independent_program_says(change: dict[str, Any], either: float, left_end: float | None,
                                                                   right_end: float) -> None:
     mirror = on_motorway(**change)
-    field = eye_fields(mirror.views, mirror.own).horizon_clear
+    field = eye_fields(mirror.views, mirror.host).horizon_clear
     assert extent(field.either) == pytest.approx(either, rel=1e-5)
     assert field.right[-1][1] == pytest.approx(right_end, rel=1e-5)
     if left_end is not None:
@@ -67,7 +67,7 @@ def test_the_host_vehicle_hides_what_an_independent_program_says(change: dict[st
 
 def test_the_default_scene_turned_by_a_degree() -> None:
     turned = on_motorway().turned(-np.radians(TURN_DEG), 0.0)
-    assert extent(eye_fields(turned.views, turned.own).horizon_clear.either) == pytest.approx(41.706524, rel=1e-5)
+    assert extent(eye_fields(turned.views, turned.host).horizon_clear.either) == pytest.approx(41.706524, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["progressive-c", "european-aspheric"])
@@ -119,15 +119,15 @@ def test_extremes_of_tight_fits_are_those_of_the_law() -> None:
 def test_a_line_whose_far_end_the_host_vehicle_hides_has_the_figures_of_the_part_that_is_seen() -> None:
     mirror, line = on_motorway(width=2.6), road_line(-5250.0)
     middle = mirror.views.middle
-    image = line_images(middle, line, mirror.own)[0]
+    image = line_images(middle, line, mirror.host)[0]
     assert image.ends == ("edge", "hidden")
-    assert line_bow(middle, line, mirror.own) is not None
-    assert road_straightness(middle, line, mirror.own) is not None
-    assert why_unmeasured(middle, line, mirror.own, 5) is None
+    assert line_bow(middle, line, mirror.host) is not None
+    assert road_straightness(middle, line, mirror.host) is not None
+    assert why_unmeasured(middle, line, mirror.host, 5) is None
     wide = on_motorway(width=3.4)
-    assert line_images(wide.views.middle, line, wide.own) == ()
-    assert why_unmeasured(wide.views.middle, line, wide.own, 5) == "hidden by the host vehicle"
-    assert why_unmeasured(wide.views.middle, road_line(40_000.0), wide.own, 5) == "not shown"
+    assert line_images(wide.views.middle, line, wide.host) == ()
+    assert why_unmeasured(wide.views.middle, line, wide.host, 5) == "hidden by the host vehicle"
+    assert why_unmeasured(wide.views.middle, road_line(40_000.0), wide.host, 5) == "not shown"
 
 
 # --- a mirror in two faces ---------------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ def write_faces(path: Path, cuts: tuple[float, ...]) -> None:
 def figures_of(path: Path) -> list[float]:
     """What hangs on what one mirror is: fields, widths, the blind zone while it is turned, lines and the paper's lane."""
     mirror = driven_mirror(str(path), load_scene("motorway"))
-    views, own, line = mirror.views, mirror.own, road_line(-1750.0)
+    views, own, line = mirror.views, mirror.host, road_line(-1750.0)
     fields = eye_fields(views, own)
     turned = yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, own, LANE, np.radians([-8.0, 0.0, 6.0]))
     widths = seen_widths(views.left, views.right, own)

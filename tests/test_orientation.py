@@ -12,10 +12,11 @@ from scipy.spatial import cKDTree
 
 from mirror_cad.errors import MirrorError
 from mirror_cad.surfaces.quadric import Quadric
-from mirror_studio.drive.measured import asked_of, figures, main_figures, measure
+from mirror_studio.drive.as_json import figures_as_json
+from mirror_studio.drive.measured import asked_of, main_figures, measure
 from mirror_studio.drive.mirrors import driven_mirror, on_vehicle
 from mirror_studio.drive.pictures import World
-from mirror_studio.drive.table import cells, groups_of, ways
+from mirror_studio.drive.table import cells, groups_of, orientations
 from mirror_studio.scene_file import AimSection, SceneFile, load_scene
 from raytrace.measures.eye_fields import eye_fields
 from raytrace.measures.ground import seen_widths
@@ -124,7 +125,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> SceneFile:
 def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneFile) -> None:
     subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
     seen = [measure(on_vehicle("dish", dish(radius), scene), subject) for radius in (800.0, 1600.0)]
-    once, twice = (figures(each) for each in seen)
+    once, twice = (figures_as_json(each) for each in seen)
     assert once["image"] == {"way": "upside down and left for right", "twice": False}
     assert once["field_deg"]["horizon_either"] > 0.0
     assert twice["image"] == {"way": "some things twice", "twice": True}
@@ -132,7 +133,7 @@ def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneF
     json.dumps([once, twice], allow_nan=False)
     rows = {row.name: row for _, rows in groups_of(seen[1:]) for row in rows}
     assert set(rows) == {row.name for _, rows in groups_of(seen[:1]) for row in rows}
-    assert ways(seen) == ["upside down and left for right", "some things twice"]
+    assert orientations(seen) == ["upside down and left for right", "some things twice"]
     for name in ("horizon_either_deg", "lane_bow_arcmin", "ground_width_4_m_either_m", "blind_length_m"):
         assert cells(rows[name], seen[1:]) == ["—"]
         assert twice["measures"][name] is None
@@ -140,21 +141,21 @@ def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneF
     middle = len(twice["turned"]["yaw_deg"]) // 2
     assert twice["turned"]["blind_length_m"][middle] is None
     shown = main_figures(on_vehicle("dish", dish(1600.0), scene), subject)
-    assert shown["blind_length_m"] is None
-    assert shown["flank_share"] is None or 0.0 <= float(shown["flank_share"]) <= 1.0
+    assert shown.blind_length_m is None
+    assert shown.flank_share is None or 0.0 <= float(shown.flank_share) <= 1.0
 
 
 def test_a_zone_that_goes_on_is_marked_wherever_it_is_told(scene: SceneFile) -> None:
     """A mirror that looks at the sky shows nothing of the lane: it is in no view as far as it is looked at."""
     subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
     away = on_vehicle("ball", quadric("sphere", 950.0), scene).turned(0.0, np.radians(30.0))
-    assert main_figures(away, subject)["blind_endless"] is True
-    found = figures(measure(away, subject))
+    assert main_figures(away, subject).blind_endless is True
+    found = figures_as_json(measure(away, subject))
     assert found["blind_zone"]["at"][0]["endless"] is True
     middle = len(found["turned"]["yaw_deg"]) // 2
     assert found["turned"]["blind_endless"][middle] is True
     usual = on_vehicle("ball", quadric("sphere", 950.0), scene)
-    assert main_figures(usual, subject)["blind_endless"] is False
+    assert main_figures(usual, subject).blind_endless is False
 
 
 def test_concave_and_whole_spheres_of_another_program_are_driven_or_refused(tmp_path: Path, scene: SceneFile) -> None:
@@ -167,9 +168,9 @@ def test_concave_and_whole_spheres_of_another_program_are_driven_or_refused(tmp_
     bowl = Pos(0, 0, -15) * Cylinder(97.0, 30) - Pos(0, 0, 945) * Sphere(950)
     for name, shape in (("bowl", bowl), ("ball", Sphere(150))):
         write_step(tmp_path / f"{name}.step", [Part(shape.wrapped, name)], name)
-    found = figures(measure(driven_mirror(str(tmp_path / "bowl.step"), scene), subject))
+    found = figures_as_json(measure(driven_mirror(str(tmp_path / "bowl.step"), scene), subject))
     assert found["image"]["way"] == "upside down and left for right"
-    ball = figures(measure(driven_mirror(str(tmp_path / "ball.step"), scene), subject))
+    ball = figures_as_json(measure(driven_mirror(str(tmp_path / "ball.step"), scene), subject))
     assert ball["image"]["way"] == "upright"
     # Its rim is where it turns by 60° from its front: it shows some 240° of the world but for what hides it.
     assert 60.0 < ball["field_deg"]["horizon_either"] < 240.0

@@ -28,7 +28,7 @@ from mirror_cad.own_files import written_by_us
 from mirror_studio.as_json import placement_as_json, trace_metrics_as_json
 from mirror_studio.build.pipeline import trace_file
 from mirror_studio.cli import run
-from mirror_studio.drive.mirrors import driven_mirror, places_of
+from mirror_studio.drive.mirrors import driven_mirror, placements_of
 from mirror_studio.drive.run import drive
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import load_scene
@@ -273,12 +273,12 @@ def test_what_is_no_placement_is_refused(text: str, fault: str) -> None:
 
 def test_places_are_said_for_all_files_or_for_one() -> None:
     files = ["a.step", "b.stl", "progressive-c"]
-    assert places_of(files, ["file", "b.stl=face"]) == {"a.step": "file", "b.stl": "face"}
-    assert places_of(files, []) == {}
+    assert placements_of(files, ["file", "b.stl=face"]) == {"a.step": "file", "b.stl": "face"}
+    assert placements_of(files, []) == {}
     for said, fault in ((["c.stl=face"], "none of the mirrors"), (["progressive-c=face"], "designed here"),
                         (["file", "face"], "have a place already")):
         with pytest.raises(MirrorError, match=fault):
-            places_of(files, said)
+            placements_of(files, said)
 
 
 # --- trace and drive --------------------------------------------------------------------------------------------------

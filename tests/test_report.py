@@ -41,7 +41,7 @@ from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
 from mirror_studio.report.stages import Floor, Link, chain_links, model_sentences, stage_rows, weakest_sentence
-from mirror_studio.report.text import fixed, given, number, place
+from mirror_studio.report.text import fixed, given, number, point_in_words
 from mirror_studio.report.uncertainty import Uncertainty
 from mirror_studio.report.verdict_table import Requirement, requirements, view_requirements
 
@@ -158,7 +158,7 @@ def test_verdicts_have_limit_actual_margin_and_place(tmp_path: Path, limited: De
     k2 = rows["k2, realised against designed"]
     assert (k2.limit, k2.actual, k2.met) == (3.0, deviation.total.k2.max_percent, False)
     assert k2.margin == pytest.approx(3.0 - abs(deviation.total.k2.max_percent))
-    assert k2.place == deviation.total.k2.max_at_mm
+    assert k2.point == deviation.total.k2.max_at_mm
     assert rows["fit: height"].limit == mirror.spec.surface.position_tolerance_mm
     assert rows["fit: height"].met
     assert rows["STEP read back by the kernel, farthest point"].actual == METRICS.files.step.step_max_mm
@@ -182,7 +182,7 @@ def test_deviation_at_a_printed_place_is_the_printed_one(limited: Designed, fait
     for mirror, deviation in (limited, faithful):
         rms = rms_norm(deviation.designed, deviation.grid.weights)
         for key in QUANTITIES:
-            printed = place(deviation.total.of(key).max_at_mm).replace("\u2212", "-").replace("\u202f", "")
+            printed = point_in_words(deviation.total.of(key).max_at_mm).replace("\u2212", "-").replace("\u202f", "")
             x, y = (np.array([float(part[1:])]) for part in printed.split(", "))
             found = getattr(fields.deviation_in("%", shape_operator(mirror.surface.derivatives(x, y)),
                                                 mirror.curvature.shape(x), rms), key)

@@ -23,8 +23,8 @@ from mirror_cad.spec.file import load_spec, preset_names, validate_spec
 from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web import engine, state
 from mirror_studio.web.controls import groups
+from mirror_studio.web.mirror_pose import MirrorPose, aimed
 from mirror_studio.web.protocol import StoppedError, ViewSettings, WrongShapeError, pack, read_message, unpack
-from mirror_studio.web.turned import Turn, aimed
 from mirror_studio.web.uploads import NAME, Uploads
 from raytrace.image import photograph
 from raytrace.reflector import Reflector
@@ -147,7 +147,7 @@ def test_turning_a_mirror_turns_what_its_middle_shows_by_twice_the_angle() -> No
     for yaw in (-3.0, 2.0):
         found = engine.probe(one, ViewSettings(yaw_deg=yaw), 0.0, 0.0, 0)
         assert found
-        assert found["landed_mm"][0] == pytest.approx(one.setting.plane_z_mm * math.tan(math.radians(2.0 * yaw)), rel=1e-6)
+        assert found["landed_mm"][0] == pytest.approx(one.setup.plane_z_mm * math.tan(math.radians(2.0 * yaw)), rel=1e-6)
 
 
 def test_fields_of_view_of_the_sections_do_not_change_with_the_pose() -> None:
@@ -160,7 +160,7 @@ def test_fields_of_view_of_the_sections_do_not_change_with_the_pose() -> None:
 
 @given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
 def test_turned_places_come_back(yaw: float, pitch: float) -> None:
-    turn = Turn(yaw, pitch, (1.0, 2.0, 3.0), (-4.0, 5.0, 6.0))
+    turn = MirrorPose(yaw, pitch, (1.0, 2.0, 3.0), (-4.0, 5.0, 6.0))
     points = np.array([[10.0, -20.0, 30.0], [0.0, 0.0, 0.0]])
     np.testing.assert_allclose(turn.to_mirror(turn.to_scene(points)), points, atol=1e-12)
     np.testing.assert_allclose(turn.rotation @ turn.rotation.T, np.eye(3), atol=1e-14)
@@ -184,12 +184,12 @@ def test_the_designs_own_file_beside_it_shows_the_same(tmp_path: Path, uploads: 
     mirror.export_step(tmp_path / "own.step")
     name = uploads.add("reflector", ".step", (tmp_path / "own.step").read_bytes())
     own = uploads.reflector(name)
-    shown = engine.show(spec, ViewSettings(width=400, height=300, yaw_deg=2.0), own=own)
+    shown = engine.show(spec, ViewSettings(width=400, height=300, yaw_deg=2.0), users_mirror=own)
     pictures = [np.asarray(Image.open(io.BytesIO(shown.pictures[key])), dtype=float) for key in ("picture0", "own0")]
     assert pictures[0].shape == pictures[1].shape
     assert np.mean(np.abs(pictures[0] - pictures[1])) < 0.5
     assert engine.designed(spec).mirror.box == pytest.approx(mirror.box)
-    at, _ = face_of(mirror).reflected_at(engine.designed(spec).setting.eye, np.zeros(1), np.zeros(1))
+    at, _ = face_of(mirror).reflected_at(engine.designed(spec).setup.eye, np.zeros(1), np.zeros(1))
     assert np.isfinite(at).all()
 
 

@@ -98,10 +98,10 @@ def test_fine_picture_aim_and_ground_are_those_of_drive() -> None:
     subject = asked_of(scene, {name: body for name, body in world.named if name})
     views = driven.views.left, driven.views.right
     assert found["figures"]["seen_width_m"] == [pytest.approx([1e-3 * one.x_mm, 1e-3 * one.either_mm], rel=1e-6)
-                                                for one in seen_widths(*views, driven.own, subject.widths_at)]
-    assert found["figures"]["nearest_m"] == pytest.approx(1e-3 * nearest_at_flank(*views, driven.own)[0], rel=1e-6)
+                                                for one in seen_widths(*views, driven.host, subject.widths_at)]
+    assert found["figures"]["nearest_m"] == pytest.approx(1e-3 * nearest_at_flank(*views, driven.host)[0], rel=1e-6)
     assert found["figures"]["blind_length_m"] == pytest.approx(
-        1e-3 * blind_zone(*views, driven.own, subject.lane, 0.0, subject.direct_view).length_mm, rel=1e-6)
+        1e-3 * blind_zone(*views, driven.host, subject.lane, 0.0, subject.direct_view).length_mm, rel=1e-6)
 
 
 def test_outlines_hold_the_widths() -> None:

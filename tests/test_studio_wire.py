@@ -31,9 +31,9 @@ from mirror_cad.mirror import design as design_of
 from mirror_cad.spec.file import load_spec
 from mirror_studio.web import engine, state
 from mirror_studio.web.downloads import unlike_the_page
+from mirror_studio.web.mirror_pose import MirrorPose
 from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, unpack
 from mirror_studio.web.state import as_state
-from mirror_studio.web.turned import Turn
 from mirror_studio.web.uploads import cleaned
 from raytrace.image import photograph
 from raytrace.viewing.camera import Frame
@@ -372,9 +372,9 @@ def test_a_picture_is_taken_as_the_page_shows_it(studio: Studio) -> None:
         pictures[name] = np.asarray(Image.open(io.BytesIO(content))).astype(int)
     one = load_spec("progressive-c")
     turned = engine.designed(one.model_copy(update={"view": one.view.model_copy(update={"width_px": 160})}))
-    eye, turn = turned.setting.eye, Turn(math.radians(10.0), 0.0)
+    eye, turn = turned.setup.eye, MirrorPose(math.radians(10.0), 0.0)
     camera = Frame.around(turned.mirror.box, 160).camera(turn.to_mirror(eye))
-    view, _ = photograph(turned.reflector, camera, turn.seen_by(turned.setting.scene(turned.picture, one)),
+    view, _ = photograph(turned.reflector, camera, turn.seen_by(turned.setup.scene(turned.picture, one)),
                          samples=engine.FINE_SAMPLES)
     assert (pictures["turned"] == view).all()
     assert np.abs(pictures["turned"] - pictures["plain"]).mean() > 3.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.faithful import Level
 from mirror_studio.as_json import method_as_json
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.build.methods import compare_methods, with_method
 
 # Mirror, degree, spans over its box. The finest are a mirror's own measure of where its deviation stops falling.
@@ -64,7 +63,7 @@ def torus() -> MirrorSpec:
                           "vertical": {"law": "expression", "radius": f"{a:g} + {c:g}/sqrt(1 - (x/{a:g})**2)"}})
 
 
-def _levels(name: str, spec: MirrorSpec, degree: int, all_spans: tuple[tuple[int, int], ...]) -> Iterator[dict[str, Any]]:
+def _levels(name: str, spec: MirrorSpec, degree: int, all_spans: tuple[tuple[int, int], ...]) -> Iterator[Row]:
     surface = with_method(spec, "faithful").surface
     for spans in all_spans:
         asked = spec.model_copy(update={"surface": surface.model_copy(update={"degree": degree, "spans": spans})})
@@ -77,7 +76,7 @@ def _levels(name: str, spec: MirrorSpec, degree: int, all_spans: tuple[tuple[int
                "shape": levels[0].shape_rms_percent, "time_ms": 1e3 * statistics.median(level.seconds for level in levels)}
 
 
-def _side_by_side(name: str, spec: MirrorSpec) -> Iterator[dict[str, Any]]:
+def _side_by_side(name: str, spec: MirrorSpec) -> Iterator[Row]:
     mirror = design(spec)
     both = compare_methods(mirror)
     change = both.change

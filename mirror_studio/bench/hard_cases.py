@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mirror_studio.bench.hard.cases import case_named, cases
-from mirror_studio.bench.hard.chain import make, mirror_of, places
+from mirror_studio.bench.hard.chain import make, mirror_of, sample_points
 from mirror_studio.bench.hard.figures import ray_figures
-from mirror_studio.bench.hard.runner import BAD, REFUSED, WITHIN, Row, Work, run_cases
+from mirror_studio.bench.hard.runner import BAD, REFUSED, WITHIN, Work, run_cases
 from mirror_studio.bench.hard.sheets import Sphere
 from mirror_studio.bench.hard.specs import constant, scaled, spec
-from mirror_studio.bench.table import Column, Table
+from mirror_studio.bench.table import Column, Row, Table
 from mirror_studio.progress import Progress
 
 LIMIT_S = 10.0  # of processor time for one case, the kernel's import not counted: how busy the machine is does not matter
@@ -29,7 +29,7 @@ def warm_up() -> None:
     with tempfile.TemporaryDirectory(prefix="hard-case-") as name:
         folder = Path(name)
         made = make(folder, spec(constant(1250.0), constant(900.0), **scaled(20.0)))
-        ray_figures(made, Sphere(1250.0), *places(made.mirror))
+        ray_figures(made, Sphere(1250.0), *sample_points(made.mirror))
         for degree in (7, 9):
             raw = spec(constant(1250.0), constant(900.0), surface={"degree": degree, "spans": [2, 2]})
             reflect(Reflector.from_mirror(mirror_of(raw, folder)), [0.0, 0.0, 700.0], [[0.0, 0.0, -1.0], [0.1, 0.0, -0.01]])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -21,7 +20,7 @@ from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_o
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev
 from mirror_studio.bench.measuring import convergence, median_seconds
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 
 Array = NDArray[np.float64]
 
@@ -33,7 +32,7 @@ SMOOTH_LAW = "0.00125 - 0.00062*tanh((x + 40)/40)"  # 1/mm; radii from 540 to 15
 LEVEL_MM = 0.0
 HALF_WIDTH_MM = 115.0
 # Places at which curvature is compared: their number is prime, so that they meet none of the nodes but the ends.
-PLACES = 9973
+SAMPLES = 9973
 PANELS = 1150  # of the reference quadrature
 GAUSS_POINTS = 12  # a panel of 0.2 mm: far beyond rounding
 
@@ -48,7 +47,7 @@ THEORY = {EULER: (1, 1), SEMI_IMPLICIT: (1, 1), RK4: (4, 4), SPLINE: (6, 5)}
 class Case:
     """A law over the mirror's width, with what a right profile would give.
 
-    x, designed : places (n,) and κ there, 1/mm.   heights_at, heights : places (m,) and z there above the right end, mm.
+    x, designed : points (n,) and κ there, 1/mm.   heights_at, heights : points (m,) and z there above the right end, mm.
     """
 
     law: CurvatureLaw
@@ -63,7 +62,7 @@ class Case:
     def of(law: CurvatureLaw) -> Case:
         """The case of one law over the width of the benchmark."""
         kappa = law.series(-HALF_WIDTH_MM, HALF_WIDTH_MM)
-        x = np.linspace(-HALF_WIDTH_MM, HALF_WIDTH_MM, PLACES)
+        x = np.linspace(-HALF_WIDTH_MM, HALF_WIDTH_MM, SAMPLES)
         return Case(law, kappa, chebyshev_quadrature(kappa), x, law.function(x), *reference_heights(law))
 
     def height_error_mm(self, profile: Profile) -> float:
@@ -126,11 +125,11 @@ PLOTS = (
 )
 
 
-def _rows(case: Case) -> Iterator[dict[str, Any]]:
-    for method, setting, work in _methods(case):
+def _rows(case: Case) -> Iterator[Row]:
+    for method, options, work in _methods(case):
         profile = work()
-        step = setting.get("step_mm")
-        yield {"method": method, **setting, "steps": profile.steps, "time_ms": 1e3 * median_seconds(work),
+        step = options.get("step_mm")
+        yield {"method": method, **options, "steps": profile.steps, "time_ms": 1e3 * median_seconds(work),
                "height_mm": case.height_error_mm(profile), "curvature_percent": case.curvature_error_percent(profile),
                "predicted_percent": None if step is None else case.predicted_percent(method, step)}
 
@@ -210,11 +209,11 @@ def reference_heights(law: CurvatureLaw) -> tuple[Array, Array]:
 
 
 def _orders(measured: dict[str, Table]) -> Table:
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for law, table in measured.items():
         for method in (*MARCHED, SPLINE, ADAPTIVE, CHEBYSHEV):
             of_method = [row for row in table.rows if row["method"] == method]
-            row: dict[str, Any] = {"method": method, "law": law}
+            row: Row = {"method": method, "law": law}
             for i, key in enumerate(("height_mm", "curvature_percent")):
                 errors = [one[key] for one in of_method]
                 if method in THEORY:

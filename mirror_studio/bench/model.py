@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,12 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
 from mirror_cad.surfaces.fit import FitTask, fit_by_collocation
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
-from mirror_studio.bench.table import Column, Table
+from mirror_studio.bench.table import Column, Row, Table
 
 Array = NDArray[np.float64]
 
 PRESETS = ("progressive-a", "progressive-b", "progressive-c", "sphere-950")
-LEVELLED = "progressive-c"  # the preset whose level place is moved
+LEVELLED = "progressive-c"  # the preset whose level point is moved
 LEVELS: tuple[float | str, ...] = ("left", -57.5, "centre", 57.5, "right")
 SHEET = (-125.0, 125.0, -190.0, 190.0)  # x and y of a surface of revolution, mm: the default blank
 FIT_MM, FIT_PERCENT = 1e-5, 0.01  # the specification's own defaults
@@ -119,7 +119,7 @@ def compatible_vertical(profile: Profile, horizontal: PiecewiseChebyshev, axis_d
 
 
 def revolved(profile: Profile, axis_depth_mm: float, x: Array, y: Array) -> dict[str, Array]:
-    """S_u … S_vv of the profile turned about the axis parallel to x, r0 behind it, at the places (x, y), each (n, 3).
+    """S_u … S_vv of the profile turned about the axis parallel to x, r0 behind it, at the points (x, y), each (n, 3).
 
     S(x, φ) = (x, r·sin φ, r·cos φ − r0) with r = r0 + z_p(x).
     """
@@ -154,7 +154,7 @@ def _rms(values: Array, weights: Array) -> float:
 # --- the tables ------------------------------------------------------------------------------------------------------
 
 
-class Places(NamedTuple):
+class Samples(NamedTuple):
     """The upper half of a mirror's grid, mm: the surfaces here are symmetric in y. A cell cut by y = 0 counts half."""
 
     x: Array
@@ -162,35 +162,35 @@ class Places(NamedTuple):
     weights: Array
 
 
-class Looked(NamedTuple):
-    """A designed mirror, its exact decoupled surface, and at its places the sections, the design and what is realised."""
+class Evaluated(NamedTuple):
+    """A designed mirror, its exact decoupled surface, and at its samples the sections, the design and what is realised."""
 
     mirror: Mirror
     sag: DecoupledSag
-    places: Places
+    samples: Samples
     at: Sections
     designed: ShapeOperator
     realised: ShapeOperator
 
 
 def tables() -> tuple[Table, ...]:
-    """The terms of the decoupled surface, its limits, compatible pairs and the level place, predicted and measured."""
+    """The terms of the decoupled surface, its limits, compatible pairs and the level point, predicted and measured."""
     looked = [_look(mirror_cad.design(mirror_cad.load_spec(name))) for name in PRESETS]
     levelled = looked[PRESETS.index(LEVELLED)]
     return (_edge_places(looked), _remainders(looked), _defects(looked), _compatible_pairs(levelled), _levels(levelled))
 
 
-def _look(mirror: Mirror) -> Looked:
+def _look(mirror: Mirror) -> Evaluated:
     grid, laws = Grid.over(mirror.outline), mirror.curvature
     half_cell = 0.5 * float(grid.cells_y[1] - grid.cells_y[0])
     upper = grid.y > -0.5 * half_cell
     x, y = grid.x[upper], grid.y[upper]
-    places = Places(x, y, grid.weights[upper] * np.where(y < 0.5 * half_cell, 0.5, 1.0))
+    samples = Samples(x, y, grid.weights[upper] * np.where(y < 0.5 * half_cell, 0.5, 1.0))
     level = mirror.spec.horizontal.level_at
     left, right = mirror.box[:2]
     level_mm = {"left": left, "centre": 0.5 * (left + right), "right": right}[level] if isinstance(level, str) else level
     sag = DecoupledSag(_profile(laws.horizontal, level_mm), laws.vertical)
-    return Looked(mirror, sag, places, sections_at(sag.profile, laws.horizontal, laws.vertical, x), laws.shape(x),
+    return Evaluated(mirror, sag, samples, sections_at(sag.profile, laws.horizontal, laws.vertical, x), laws.shape(x),
                   shape_operator_of_sag(sag.derivatives(x, y)))
 
 
@@ -198,9 +198,9 @@ def _profile(horizontal: PiecewiseChebyshev, level_mm: float) -> Profile:
     return integrate_exactly(sine_of_tangent_angle(horizontal, level_mm), horizontal)
 
 
-def _edge_middles_and_corners(looked: Looked) -> dict[str, tuple[float, float]]:
-    """Places on the outline to the full mm; the lower half is the mirror image of the upper one."""
-    x, y = (values[looked.places.weights == 0.0] for values in looked.places[:2])  # the edge
+def _edge_middles_and_corners(looked: Evaluated) -> dict[str, tuple[float, float]]:
+    """Samples on the outline to the full mm; the lower half is the mirror image of the upper one."""
+    x, y = (values[looked.samples.weights == 0.0] for values in looked.samples[:2])  # the edge
 
     def farthest(reach: Array) -> tuple[float, float]:
         i = int(np.argmax(reach))
@@ -212,15 +212,15 @@ def _edge_middles_and_corners(looked: Looked) -> dict[str, tuple[float, float]]:
             "upper right corner": farthest(y / half_height + x / half_width), "right edge": (float(x.max()), 0.0)}
 
 
-def _edge_places(looked: list[Looked]) -> Table:
-    rows: list[dict[str, Any]] = []
+def _edge_places(looked: list[Evaluated]) -> Table:
+    rows: list[Row] = []
     for look in looked:
         mirror, laws, sag = look.mirror, look.mirror.curvature, look.sag
         for name, (x, y) in _edge_middles_and_corners(look).items():
             at_x, at_y = np.array([x]), np.array([y])
             predicted = leading_terms(sections_at(sag.profile, laws.horizontal, laws.vertical, at_x), at_y)
             realised = _minus(shape_operator_of_sag(sag.derivatives(at_x, at_y)), laws.shape(at_x))
-            row: dict[str, Any] = {"mirror": mirror.spec.name, "place": name, "x": x, "y": y}
+            row: Row = {"mirror": mirror.spec.name, "place": name, "x": x, "y": y}
             for key in predicted._fields:
                 row[f"{key}_predicted"] = _per_km(float(getattr(predicted, key)[0]))
                 row[f"{key}_measured"] = _per_km(float(getattr(realised, key)[0]))
@@ -235,8 +235,8 @@ def _edge_places(looked: list[Looked]) -> Table:
         tuple(columns), tuple(rows))
 
 
-def _remainders(looked: list[Looked]) -> Table:
-    rows: list[dict[str, Any]] = []
+def _remainders(looked: list[Evaluated]) -> Table:
+    rows: list[Row] = []
     for mirror, _, (x, y, weights), at, designed, realised in looked:
         predicted, closed = leading_terms(at, y), exact_shape(at, y)
         fitted = shape_operator(mirror.surface.derivatives(x, y))
@@ -257,8 +257,8 @@ def _remainders(looked: list[Looked]) -> Table:
          Column("closed", "left by the closed form, %", 1), Column("fit", "the same on the B-spline, %", 1)), tuple(rows))
 
 
-def _defects(looked: list[Looked]) -> Table:
-    rows: list[dict[str, Any]] = []
+def _defects(looked: list[Evaluated]) -> Table:
+    rows: list[Row] = []
     for look in looked:
         mirror, sag, (x, y, weights), at, designed, realised = look
         profile, laws = sag.profile, mirror.curvature
@@ -285,10 +285,10 @@ def _defects(looked: list[Looked]) -> Table:
          Column("corrected_predicted", "predicted by δ alone, %")), tuple(rows))
 
 
-def _compatible_pairs(levelled: Looked) -> Table:
+def _compatible_pairs(levelled: Evaluated) -> Table:
     span = laws.Span(*SHEET[:2])
     torus, sphere = (laws.Constant(radius_mm=radius).over(span).series(*SHEET[:2]) for radius in (400.0, 950.0))
-    rows = tuple(_compatible_pair(levelled.places, *pair) for pair in (
+    rows = tuple(_compatible_pair(levelled.samples, *pair) for pair in (
         (f"Rx of {LEVELLED}, r0 = 1250 mm", levelled.mirror.curvature.horizontal, 1250.0),
         ("torus: Rx = 400 mm, r0 = 1250 mm", torus, 1250.0),
         ("sphere: Rx = r0 = 950 mm", sphere, 950.0)))
@@ -302,15 +302,15 @@ def _compatible_pairs(levelled: Looked) -> Table:
          Column("predicted", "decoupled, predicted, %")), rows)
 
 
-def _compatible_pair(places: Places, title: str, horizontal: PiecewiseChebyshev, axis_depth_mm: float) -> dict[str, Any]:
-    x, y, weights = places
+def _compatible_pair(samples: Samples, title: str, horizontal: PiecewiseChebyshev, axis_depth_mm: float) -> Row:
+    x, y, weights = samples
     profile = _profile(horizontal, 0.0)
     vertical = compatible_vertical(profile, horizontal, axis_depth_mm)
     at = sections_at(profile, horizontal, vertical, x)
     designed = ShapeOperator(at.k1, at.k2, np.zeros_like(x))
     realised = {
         "revolved": shape_operator(revolved(profile, axis_depth_mm, x, y)),
-        "fitted": shape_operator(_fitted(profile, horizontal, vertical, places).derivatives(x, y)),
+        "fitted": shape_operator(_fitted(profile, horizontal, vertical, samples).derivatives(x, y)),
         "decoupled": shape_operator_of_sag(DecoupledSag(profile, vertical).derivatives(x, y))}
     return {"pair": title, "left": 1.0 / float(vertical(x.min())), "centre": 1.0 / float(vertical(0.0)),
             "right": 1.0 / float(vertical(x.max())),
@@ -318,21 +318,21 @@ def _compatible_pair(places: Places, title: str, horizontal: PiecewiseChebyshev,
             **{key: _or_rounding(shape_rms_percent(_minus(w, designed), designed, weights)) for key, w in realised.items()}}
 
 
-def _fitted(profile: Profile, horizontal: PiecewiseChebyshev, vertical: PiecewiseChebyshev, places: Places) -> BSplineSurface:
+def _fitted(profile: Profile, horizontal: PiecewiseChebyshev, vertical: PiecewiseChebyshev, samples: Samples) -> BSplineSurface:
     """The surface of revolution as B-spline: it is the decoupled one of the radii cos θ·Ry, whose circles share an axis."""
     sag = DecoupledSag(profile, circles_of_normal_curvature(profile, horizontal, vertical))
     breaks = tuple((float(x), 3) for x in horizontal.breaks[1:-1])  # κ1 has one continuous derivative there, z three
-    half_height = float(places.y.max())
-    task = FitTask(sag, SHEET, (float(places.x.min()), float(places.x.max()), -half_height, half_height), breaks,
+    half_height = float(samples.y.max())
+    task = FitTask(sag, SHEET, (float(samples.x.min()), float(samples.x.max()), -half_height, half_height), breaks,
                    lambda x: np.stack([horizontal(x), vertical(x)], axis=-1), FIT_MM, FIT_PERCENT)
     return fit_by_collocation(task, "auto", "auto").surface
 
 
-def _levels(levelled: Looked) -> Table:
+def _levels(levelled: Evaluated) -> Table:
     spec, matched = levelled.mirror.spec, levelled.mirror.matched
-    # The law is held, not solved anew: only the level place differs between the rows.
+    # The law is held, not solved anew: only the level point differs between the rows.
     held = spec.horizontal.model_dump(exclude={"match"}) | dict([matched] if matched else [])
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for level in LEVELS:
         horizontal = type(spec.horizontal).model_validate(held | {"level_at": level})
         look = _look(mirror_cad.design(spec.model_copy(update={"horizontal": horizontal})))
@@ -352,7 +352,7 @@ def _levels(levelled: Looked) -> Table:
             "k1": k1, "k2": k2, "h_fov": float(across), "v_fov": float(upright)})
     return Table(
         "model-level", f"Where the profile is level: {LEVELLED}",
-        "The same two laws (what was matched at the centre is held) with θ = 0 at five places. Predicted: the leading terms. "
+        "The same two laws (what was matched at the centre is held) with θ = 0 at five points. Predicted: the leading terms. "
         "The fields of view are those of the sections.",
         (Column("level", "level_at"), Column("left", "θ left, °"), Column("right", "θ right, °"),
          Column("axis", "RMS of Ry′ + tan θ"), Column("shape", "shape RMS, %"),
@@ -361,7 +361,7 @@ def _levels(levelled: Looked) -> Table:
          Column("h_fov", "H-FOV, °", 4), Column("v_fov", "V-FOV, °", 4)), tuple(rows))
 
 
-def _percent_of_principal(look: Looked) -> tuple[float, float]:
+def _percent_of_principal(look: Evaluated) -> tuple[float, float]:
     """The largest deviation of k1 and of k2, signed, in percent of the designed value."""
     after, before = principal_curvatures_of(look.realised), principal_curvatures_of(look.designed)
     k1, k2 = (100.0 * (a / b - 1.0) for a, b in zip(after, before, strict=True))

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mirror_studio.as_json import JsonObject
+from mirror_studio.as_json import Json, JsonObject
 from mirror_studio.bench.plots import figure_of
-from mirror_studio.bench.table import Column, Table
+from mirror_studio.bench.table import Column, Row, Table
 from mirror_studio.build.pipeline import versions, write_json
 from mirror_studio.report.text import count, number, templates
 
@@ -40,7 +40,7 @@ def write_tables(folder: Path, parts: dict[str, tuple[str, tuple[Table, ...]]]) 
     return content
 
 
-def machine() -> dict[str, Any]:
+def machine() -> dict[str, Json]:
     """What a reader of times should know of the machine, and nothing that names it."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {"cores": cores, "architecture": platform.machine(), "system": platform.system(),
@@ -58,13 +58,13 @@ def markdown(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _as_json(part: str, table: Table) -> dict[str, Any]:
+def _as_json(part: str, table: Table) -> JsonObject:
     return {"part": part, "title": table.title, "text": table.text,
             "columns": {column.key: column.title for column in table.columns},
             "rows": [{key: _plain(value) for key, value in row.items()} for row in table.rows]}
 
 
-def _for_page(table: Table, picture: str | None) -> dict[str, Any]:
+def _for_page(table: Table, picture: str | None) -> JsonObject:
     first = table.columns[0]
     names = [row.get(first.key) for row in table.rows]
     # A name that stands for several rows is shown once.
@@ -74,7 +74,7 @@ def _for_page(table: Table, picture: str | None) -> dict[str, Any]:
             "columns": [(column.title, _numeric(table, column)) for column in table.columns]}
 
 
-def _cell(row: dict[str, Any], column: Column) -> str:
+def _cell(row: Row, column: Column) -> str:
     value = _plain(row.get(column.key))
     if isinstance(value, bool):
         return "yes" if value else "no"

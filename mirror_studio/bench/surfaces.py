@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from mirror_cad.surfaces.differential import ShapeOperator, shape_operator, shap
 from mirror_cad.surfaces.fit import curvature_percent
 from mirror_studio.bench.integrators import SMOOTH_LAW
 from mirror_studio.bench.measuring import convergence, median_seconds
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.report.text import given
 
 Array = NDArray[np.float64]
@@ -34,9 +33,9 @@ MAX_INTERPOLATED = 72  # points a direction; with more the kernel's interpolatio
 MIN_APPROXIMATED = 50  # points a direction; with fewer a tight approximation swings between them
 PLAIN, TIGHT = (3, 8, 1e-3), (5, 8, 1e-6)  # degrees and tolerance (mm) of the kernel's approximation
 TIGHT_FACE_MM = 1e-5
-NEWTON_STEPS, FOUND_MM = 20, 1e-9  # where a folded surface has no such place, the search ends here
+NEWTON_STEPS, FOUND_MM = 20, 1e-9  # where a folded surface has no such point, the search ends here
 THINNED = 7  # of the cells inside the outline every seventh, and all places on it: 9,000, skewed, for errors that are smooth
-SHEET_PLACES = (211, 311)  # of a surface's whole extent, for dents beyond the mirror
+SHEET_SAMPLES = (211, 311)  # of a surface's whole extent, for dents beyond the mirror
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,12 +60,12 @@ class Judge:
         return Judge(mirror, x, y, exact, shape_operator_of_sag(exact),
                      mirror.curvature.percent_of(x, mirror.curvature.rms(mirror.outline)))
 
-    def errors(self, surface: BSplineSurface) -> dict[str, Any]:
+    def errors(self, surface: BSplineSurface) -> Row:
         """Largest errors over the trimmed mirror, in height (mm) and principal curvature (percent); and over the sheet."""
-        d = at_places(surface, self.x, self.y)
+        d = at_points(surface, self.x, self.y)
         percent = curvature_percent(shape_operator(d), self.shape, self.percent_of)
         u_min, u_max, v_min, v_max = surface.domain
-        over = surface.on_grid(np.linspace(u_min, u_max, SHEET_PLACES[0]), np.linspace(v_min, v_max, SHEET_PLACES[1]))["s"]
+        over = surface.on_grid(np.linspace(u_min, u_max, SHEET_SAMPLES[0]), np.linspace(v_min, v_max, SHEET_SAMPLES[1]))["s"]
         x_min, x_max, y_min, y_max = self.mirror.surface.domain
         z = self.mirror.exact.height(np.clip(over[..., 0], x_min, x_max), np.clip(over[..., 1], y_min, y_max))
         return {"poles": surface.poles.shape[0] * surface.poles.shape[1],
@@ -76,7 +75,7 @@ class Judge:
                 "sheet_mm": float(np.abs(over[..., 2] - z).max())}
 
 
-def at_places(surface: BSplineSurface, x: Array, y: Array) -> dict[str, Array]:
+def at_points(surface: BSplineSurface, x: Array, y: Array) -> dict[str, Array]:
     """`derivatives` at the parameters whose point has these (x, y).
 
     Newton, from where they would be were they linear in (x, y). For a surface with u = x, v = y that is where it begins.
@@ -123,7 +122,7 @@ def tables() -> tuple[Table, ...]:
     return routes, _orders(measured)
 
 
-def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[dict[str, Any]]:
+def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[Row]:
     for degree in DEGREES:
         for spans in SPANS:
             fixed = spec.model_copy(update={"surface": spec.surface.model_copy(update={"degree": degree, "spans": spans})})
@@ -135,14 +134,14 @@ def _collocated(spec: MirrorSpec, judge: Judge) -> Iterator[dict[str, Any]]:
                    **judge.errors(fit.surface)}
 
 
-def _automatic(spec: MirrorSpec, judge: Judge) -> dict[str, Any]:
+def _automatic(spec: MirrorSpec, judge: Judge) -> Row:
     fits = [design(spec).fit for _ in range(3)]
     fit = fits[0]
     return {"route": "collocation, automatic", "setting": f"degree {fit.degree}, {fit.spans[0]} × {fit.spans[1]} spans",
             "time_ms": 1e3 * sorted(one.seconds for one in fits)[1], **judge.errors(fit.surface)}
 
 
-def _foreign(judge: Judge) -> Iterator[dict[str, Any]]:
+def _foreign(judge: Judge) -> Iterator[Row]:
     def points(n: int) -> Array:
         x_min, x_max, y_min, y_max = judge.mirror.surface.domain
         x, y = np.meshgrid(np.linspace(x_min, x_max, n), np.linspace(y_min, y_max, n), indexing="ij")
@@ -166,7 +165,7 @@ def _foreign(judge: Judge) -> Iterator[dict[str, Any]]:
                **judge.errors(peers.as_bspline(make()))}
 
 
-def _orders(measured: dict[str, list[dict[str, Any]]]) -> Table:
+def _orders(measured: dict[str, list[Row]]) -> Table:
     rows = []
     for law, collocated in measured.items():
         for degree in DEGREES:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
+
+Row: TypeAlias = dict[str, Any]  # by column key a number, a text, or None where there is nothing to say
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,5 +39,5 @@ class Table:
     title: str
     text: str
     columns: tuple[Column, ...]
-    rows: tuple[dict[str, Any], ...]
+    rows: tuple[Row, ...]
     plots: tuple[Plot, ...] = ()

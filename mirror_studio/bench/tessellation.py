@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from mirror_cad.mesh_deviation import stl_deviation
 from mirror_cad.mirror import Mirror, design
@@ -14,7 +13,7 @@ from mirror_cad.occt import peers
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.spec.file import load_spec
 from mirror_studio.bench.measuring import convergence, median_seconds
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.report.text import fixed
 
 DEFLECTIONS_MM = (0.1, 0.03, 0.01, 0.003, 0.001)
@@ -48,7 +47,7 @@ def tables(deflections_mm: tuple[float, ...] = DEFLECTIONS_MM) -> tuple[Table, .
     return (Table("tessellation", "Triangles for progressive-c", text, columns, tuple(rows), plots),)
 
 
-def _row(mirror: Mirror, path: Path, mesh: str, wanted_mm: float | None, write: Callable[[], None]) -> dict[str, Any]:
+def _row(mirror: Mirror, path: Path, mesh: str, wanted_mm: float | None, write: Callable[[], None]) -> Row:
     seconds = median_seconds(write)
     found = stl_deviation(read_stl(path), mirror.surface, mirror.outline)
     return {"mesh": mesh, "wanted_mm": wanted_mm, "facets": found.facets, "time_s": seconds,

@@ -14,7 +14,7 @@ import numpy as np
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
-from mirror_studio.bench.table import Column, Plot, Table
+from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.bench.tracers import (
     alone,
     batoid_bicubic,
@@ -60,7 +60,7 @@ def errors_and_rates(case: Case, counts: Sequence[int] = RAYS) -> Table:
         (mitsuba_mesh.NAME.format(mitsuba_mesh.LLVM), partial(mitsuba_mesh.tracers, case, TRIANGLES)),
         (batoid_bicubic.BICUBIC, partial(batoid_bicubic.tracers, case)), (occt_shape.ORACLE, partial(occt_shape.tracers, case))]
     found: list[Tracer] = []
-    absent: list[dict[str, Any]] = []
+    absent: list[Row] = []
     for name, make in makers:
         try:
             found += make()
@@ -84,16 +84,16 @@ def errors_and_rates(case: Case, counts: Sequence[int] = RAYS) -> Table:
                  (Plot("rate", "error_max", "method", "Largest error over rate"),))
 
 
-def _with_notes(columns: tuple[Column, ...], rows: Sequence[dict[str, Any]]) -> tuple[Column, ...]:
+def _with_notes(columns: tuple[Column, ...], rows: Sequence[Row]) -> tuple[Column, ...]:
     """The columns, and the notes where there are any."""
     return (*columns, Column("note", "note")) if any(row.get("note") for row in rows) else columns
 
 
-def _side_by_side(case: Case, tracers: Sequence[Tracer], count: int) -> list[dict[str, Any]]:
+def _side_by_side(case: Case, tracers: Sequence[Tracer], count: int) -> list[Row]:
     rays = case.rays(count)
     chosen = [tracer for tracer in tracers if count <= tracer.most]
     works: list[Work] = []
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for tracer in chosen:
         given = rays.shuffled() if tracer.name == ours.SHUFFLED else rays
         work = tracer.prepare(given)
@@ -132,7 +132,7 @@ def whole_pictures(case: Case, sizes: Sequence[tuple[int, int]] = PICTURES_PX) -
     """The driver's view of the reference plane and of a street of triangles."""
     world = street()
     scenes = (("reference plane", pictures.reference_plane(case)), (f"street, {count_of(len(world.faces))} triangles", world))
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for label, scene in scenes:
         for size in sizes:
             frame = pictures.frame_of(*size)
@@ -181,7 +181,7 @@ def growth(case: Case, rays: Sequence[int] = GROWING_RAYS, spans: Sequence[tuple
                  (Plot("size", "rate", "series", "Rate over size"),))
 
 
-def _growing_rays(case: Case, counts: Sequence[int]) -> Iterator[dict[str, Any]]:
+def _growing_rays(case: Case, counts: Sequence[int]) -> Iterator[Row]:
     for count in counts:
         rays = case.rays(count)
         work = ours.reused(case.reflector, rays)
@@ -195,7 +195,7 @@ def _growing_rays(case: Case, counts: Sequence[int]) -> Iterator[dict[str, Any]]
             yield _row("rays, Embree, facets", len(rays.directions), len(rays.directions), work)
 
 
-def _growing_spans(spec: MirrorSpec, spans: Sequence[tuple[int, int]]) -> Iterator[dict[str, Any]]:
+def _growing_spans(spec: MirrorSpec, spans: Sequence[tuple[int, int]]) -> Iterator[Row]:
     for wanted in spans:
         cut = spec.model_copy(update={"surface": spec.surface.model_copy(update={"degree": 5, "spans": wanted})})
         case = Case(design(cut))
@@ -205,7 +205,7 @@ def _growing_spans(spec: MirrorSpec, spans: Sequence[tuple[int, int]]) -> Iterat
         yield _row("spans, ours", wanted[0] * wanted[1], len(rays.directions), work) | {"leaked": leaked}
 
 
-def _growing_triangles(case: Case, triangles: Sequence[int]) -> Iterator[dict[str, Any]]:
+def _growing_triangles(case: Case, triangles: Sequence[int]) -> Iterator[Row]:
     rays = case.rays(GROWTH_RAYS)
     for count in triangles:
         mesh = case.mesh(count)
@@ -215,7 +215,7 @@ def _growing_triangles(case: Case, triangles: Sequence[int]) -> Iterator[dict[st
         yield _row("triangles, raytrace.embree", len(mesh.faces), len(rays.directions), work)
 
 
-def _row(series: str, size: int, rays: int, work: Callable[[], Any]) -> dict[str, Any]:
+def _row(series: str, size: int, rays: int, work: Callable[[], Any]) -> Row:
     seconds = float(np.median(interleaved_seconds([work])))
     return {"series": series, "size": size, "time_ms": 1e3 * seconds, "rate": 1e-6 * rays / seconds}
 

@@ -118,16 +118,16 @@ def _carry_foreign_files(out: Path, work: Path) -> None:
     """Link or copy what `out` holds beside its former set into the new one; a file of the new set wins."""
     if not out.exists():
         return
-    own: dict[str, str] = {}
+    named: dict[str, str] = {}
     with contextlib.suppress(OSError, ValueError, AttributeError, TypeError, KeyError):
-        own = dict(json.loads((out / MANIFEST).read_text("utf-8"))["files"])
+        named = dict(json.loads((out / MANIFEST).read_text("utf-8"))["files"])
     for source in sorted(out.rglob("*")):
         relative = source.relative_to(out)
         target = work / relative
         if target.exists() or target.is_symlink():
             continue
         # Of the former set is what its manifest names with the very content that it has now; all else is somebody's.
-        if source.is_file() and own.get(str(relative)) == hashlib.sha256(source.read_bytes()).hexdigest():
+        if source.is_file() and named.get(str(relative)) == hashlib.sha256(source.read_bytes()).hexdigest():
             continue
         if source.is_dir() and not source.is_symlink():
             # A folder that held only files of the former set is not foreign.

@@ -147,12 +147,12 @@ def _even(loop: Array, cell: float) -> Array:
     return np.concatenate(parts)
 
 
-def _inside(edges: Array, places: Array) -> NDArray[np.bool_]:
+def _inside(edges: Array, points: Array) -> NDArray[np.bool_]:
     """Whether an odd number of edges (m, 4) lies to the right of each place (n, 2)."""
-    result = np.zeros(len(places), dtype=bool)
-    order = np.argsort(places[:, 1])
-    x, y = places[order].T
-    inside = np.zeros(len(places), dtype=bool)
+    result = np.zeros(len(points), dtype=bool)
+    order = np.argsort(points[:, 1])
+    x, y = points[order].T
+    inside = np.zeros(len(points), dtype=bool)
     for x0, y0, x1, y1 in edges:
         here = slice(*np.searchsorted(y, sorted((y0, y1))))
         if here.stop > here.start:
@@ -161,10 +161,10 @@ def _inside(edges: Array, places: Array) -> NDArray[np.bool_]:
     return result
 
 
-def _distance(edges: Array, places: Array) -> Array:
+def _distance(edges: Array, points: Array) -> Array:
     """From each place to the nearest edge's nearest end or middle: edges are about a cell long."""
     from scipy.spatial import cKDTree
 
     ends = np.concatenate([edges[:, :2], 0.5 * (edges[:, :2] + edges[:, 2:])])
-    distance: Array = cKDTree(ends).query(places)[0]
+    distance: Array = cKDTree(ends).query(points)[0]
     return distance

@@ -94,16 +94,16 @@ def _of_cad(path: Path) -> Subject:
 
 def _fan(reflector: Reflector, shown: Sheet, spec: MirrorSpec) -> Fan:
     (x_min, y_min, _), (x_max, y_max, _) = shown.vertices.min(axis=0), shown.vertices.max(axis=0)
-    setting = ViewingSetup.of(spec, (float(x_min), float(x_max), float(y_min), float(y_max)))
+    setup = ViewingSetup.of(spec, (float(x_min), float(x_max), float(y_min), float(y_max)))
     y, x = (low + (high - low) * (np.arange(n) + 0.5) / n for n, low, high in ((FAN[0], y_min, y_max), (FAN[1], x_min, x_max)))
     aimed = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1).reshape(-1, 3)
-    trace = reflect(reflector, setting.eye, aimed - setting.eye)
+    trace = reflect(reflector, setup.eye, aimed - setup.eye)
     seen = trace.status == Status.REFLECTED
     points, directions = trace.points[seen], trace.directions[seen]
     with np.errstate(divide="ignore"):
-        reach = (setting.plane_z_mm - points[:, 2]) / directions[:, 2]
-    far = np.where((reach > 0.0) & (reach < 10.0 * setting.plane_z_mm), reach, setting.plane_z_mm)
-    incoming = points - setting.eye
+        reach = (setup.plane_z_mm - points[:, 2]) / directions[:, 2]
+    far = np.where((reach > 0.0) & (reach < 10.0 * setup.plane_z_mm), reach, setup.plane_z_mm)
+    incoming = points - setup.eye
     cosine = -np.einsum("ij,ij->i", incoming, trace.normals[seen]) / np.linalg.norm(incoming, axis=1)
-    return Fan(setting.eye, points, points + far[:, None] * directions, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))),
-               setting.plane_z_mm)
+    return Fan(setup.eye, points, points + far[:, None] * directions, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))),
+               setup.plane_z_mm)

@@ -138,14 +138,14 @@ def _lines(axes: Axes, each: Measured) -> None:
     found = each.grid
     nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
     # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
-    places = each.mirror.views.middle.untrimmed.trace_places(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
-    for lines, degrees in ((places, found.elevation_deg), (np.swapaxes(places, 0, 1), found.azimuth_deg)):
+    on_mirror = each.mirror.views.middle.untrimmed.trace_places(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
+    for lines, degrees in ((on_mirror, found.elevation_deg), (np.swapaxes(on_mirror, 0, 1), found.azimuth_deg)):
         for line, angle in zip(lines, degrees, strict=True):
             fifth = round(float(angle)) % 5 == 0
             axes.plot(line[:, 0], line[:, 1], color=FAINT if not fifth else "#8d979f", linewidth=0.35 if not fifth else 0.7)
     horizon = np.flatnonzero(np.abs(found.elevation_deg) < 1e-9)
     if horizon.size:
-        axes.plot(*places[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
+        axes.plot(*on_mirror[horizon[0]].T, color=HORIZON, linewidth=1.4, label="horizon")
     if each.bow is not None:
         line = each.bow.image.on_mirror[:, :2]
         axes.plot(*line.T, color=LANE, linewidth=1.8, label="lane line")
@@ -214,13 +214,12 @@ def turned_drawing(path: Path, mirrors: Sequence[Measured]) -> None:
     for k, each in enumerate(mirrors):
         colour, style = PALETTE[k % len(PALETTE)], STYLES[k % len(STYLES)]  # mirrors alike lie on each other
         turned = turned_figures(each)
-        yaw = np.array(turned["yaw_deg"])
-        low, high = (np.array(turned[f"azimuth_{end}_deg"], dtype=np.float64) for end in ("from", "to"))
+        yaw, low, high = turned.yaw_deg, turned.azimuth_from_deg, turned.azimuth_to_deg
         grid[0].fill_between(yaw, low, high, color=colour, alpha=0.10, linewidth=0)
         for edge in (low, high):
             grid[0].plot(yaw, edge, color=colour, linewidth=1.4, linestyle=style,
                          label=each.mirror.name if edge is low else None)
-        length, endless = np.array(turned["blind_length_m"], dtype=np.float64), np.array(turned["blind_endless"])
+        length, endless = turned.blind_length_m, turned.blind_endless
         grid[1].plot(yaw, length, color=colour, linewidth=1.6, linestyle=style)
         grid[1].plot(yaw[endless], length[endless], color=colour, linestyle="none", marker="^", markersize=6)
     for axes, title in zip(grid, ("azimuths shown on the horizon's row, ° from straight rearward (+ to the right)",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from raytrace.measures.magnification import (
     extremes_in_use,
     map_in_use,
 )
-from raytrace.measures.registry import Measure, measures_of
+from raytrace.measures.registry import Measure
 from raytrace.measures.road_straightness import RoadStraightness, line_unmeasured_in_use, straightness_in_use
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
@@ -56,10 +56,10 @@ from raytrace.visibility.orientation import Orientation, orientation
 
 Array = NDArray[np.float64]
 
-WAYS = {"upright": "upright", "inverted": "upside down and left for right", "reversed": "turned over in one direction",
+ORIENTATIONS = {"upright": "upright", "inverted": "upside down and left for right", "reversed": "turned over in one direction",
         "mixed": "some things twice"}
-LOCAL = ("aim", "image", "magnification", "turned")  # these hold where things are shown twice
-ASKED_AT = ("distance_m", "at_m", "height_m")  # what a figure of a list is measured at
+Magnification = Literal["horizontal", "vertical", "ratio"]
+MAGNIFICATIONS: tuple[Magnification, ...] = get_args(Magnification)
 TURNS = np.radians(np.arange(-10.0, 10.5, 1.0))  # of the yaw, about the aim
 
 
@@ -118,7 +118,7 @@ def in_use(mirror: DrivenMirror, asked: Asked) -> MirrorInUse:
     seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
     view = View(whole, Pose.identity(), eye_position(seat.distance_mm, seat.aligned, box))
     lane = Lane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, scene.distance_mm)
-    vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked)
+    vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked)
     if mirror.spec is None:
         return MirrorInUse(view, lane, vehicle=vehicle)
     designed = design(mirror.spec)
@@ -136,9 +136,9 @@ def measure(mirror: DrivenMirror, asked: Asked) -> Measured:
         use.record(fields_in_use), use.record(distortion_in_use), use.record(sizes_in_use), use.record(bow_in_use),
         use.record(straightness_in_use), use.record(line_unmeasured_in_use), use.record(lane_in_use).percent,
         use.record(tilt_in_use),
-        seen_ground(views.left, views.right, mirror.own), use.record(widths_in_use), use.record(nearest_in_use),
+        seen_ground(views.left, views.right, mirror.host), use.record(widths_in_use), use.record(nearest_in_use),
         use.record(blind_zones_in_use), use.record(hidden_in_use),
-        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.own, asked.lane, TURNS, 0.0, asked.direct_view),
+        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked.lane, TURNS, 0.0, asked.direct_view),
         shown_round(views))
 
 
@@ -149,38 +149,76 @@ def shown_round(views: EyeViews) -> Orientation:
                                                                            for view in (views.left, views.right))))
 
 
-def main_figures(mirror: DrivenMirror, asked: Asked) -> dict[str, float | bool | None]:
-    """The figures whose changes are worth following while a mirror is turned or bent.
+@dataclass(frozen=True, slots=True)
+class MainFigures:
+    """The figures whose changes are worth following while a mirror is turned or bent; None for what it does not show.
 
-    None for what it does not show. blind_endless : whether the blind zone goes on where looking ends.
+    Attributes
+    ----------
+    horizon_either_deg
+        Horizon seen by either eye, degrees.
+    flank_share, horizon_share
+        Where flank and horizon lie, of width and height.
+    width_at_20_m
+        Ground seen 20 m behind by either eye, m.
+    blind_length_m
+        Length of the lane beside that is in no view, m.
+    blind_endless
+        Whether that goes on where looking ends.
     """
-    found: dict[str, float | bool | None] = dict.fromkeys(
-        ("horizon_either_deg", "flank_share", "horizon_share", "width_at_20_m", "blind_length_m", "blind_endless"))
+
+    horizon_either_deg: float | None = None
+    flank_share: float | None = None
+    horizon_share: float | None = None
+    width_at_20_m: float | None = None
+    blind_length_m: float | None = None
+    blind_endless: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TurnedFigures:
+    """What a mirror shows while it is turned about its aim, (n,) each, NaN for what it does not show.
+
+    Attributes
+    ----------
+    yaw_deg
+        Beside the aim, degrees.
+    azimuth_from_deg, azimuth_to_deg
+        From straight rearward, positive to the vehicle's right, as those of the fields are, degrees.
+    blind_length_m, blind_endless
+        Length of the lane beside that is in no view, m, and whether it goes on where looking ends.
+    """
+
+    yaw_deg: Array
+    azimuth_from_deg: Array
+    azimuth_to_deg: Array
+    blind_length_m: Array
+    blind_endless: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """A magnification in the middle of the mirror, and from the least to the largest over what is seen."""
+
+    middle: float | None = None
+    least: float | None = None
+    largest: float | None = None
+
+
+def main_figures(mirror: DrivenMirror, asked: Asked) -> MainFigures:
+    """Measure what a mirror shows as it is turned or bent; nothing of one that is turned away from an eye."""
     try:
         views = mirror.views
     except TraceError:  # turned away from an eye
-        return found
+        return MainFigures()
     aim = mirror.shown()
-    found |= {"flank_share": _number(aim.flank), "horizon_share": _number(aim.horizon)}
+    found = MainFigures(flank_share=_number(aim.flank), horizon_share=_number(aim.horizon))
     if shown_round(views).twice:
         return found
-    blind = blind_zone(views.left, views.right, mirror.own, asked.lane, 0.0, asked.direct_view)
-    width = seen_widths(views.left, views.right, mirror.own, (20_000.0,))[0]
-    return found | {"horizon_either_deg": extent(eye_fields(views, mirror.own).horizon_clear.either),
-                    "width_at_20_m": width.either_mm / MM, "blind_length_m": blind.length_mm / MM,
-                    "blind_endless": blind.endless}
-
-
-def figures(measured: Measured) -> dict[str, Any]:
-    """Every figure, as measures.json holds it: a number, a list of numbers, or null for what the mirror does not show.
-
-    Of a mirror that shows some things twice, all that is bounded by its edge or found by the inverse ray is null: it would be
-    told wrongly (`raytrace.visibility.orientation`).
-    """
-    found = _figures(measured)
-    if measured.orientation.twice:
-        found |= {key: _unmeasured(value) for key, value in found.items() if key not in LOCAL}
-    return found | {"measures": {name: value_of(measured, one) for name, one in measures_of(measured.use).items()}}
+    blind = blind_zone(views.left, views.right, mirror.host, asked.lane, 0.0, asked.direct_view)
+    width = seen_widths(views.left, views.right, mirror.host, (20_000.0,))[0]
+    return replace(found, horizon_either_deg=extent(eye_fields(views, mirror.host).horizon_clear.either),
+                   width_at_20_m=width.either_mm / MM, blind_length_m=blind.length_mm / MM, blind_endless=blind.endless)
 
 
 def value_of(measured: Measured, measure: Measure) -> float | None:
@@ -190,89 +228,22 @@ def value_of(measured: Measured, measure: Measure) -> float | None:
     return measure.value(measured.use)
 
 
-def _unmeasured(value: Any) -> Any:
-    """The same keys with null for every figure, but for the places at which it is asked for."""
-    if isinstance(value, dict):
-        return {key: one if key in ASKED_AT else _unmeasured(one) for key, one in value.items()}
-    return [_unmeasured(one) for one in value] if isinstance(value, list) and value and isinstance(value[0], dict) else None
+def spread_of(measured: Measured, name: Magnification) -> Spread:
+    """How a magnification spreads over the mirror."""
+    found: Extent | None = getattr(measured.magnification_extremes, name)
+    if found is None:
+        return Spread()
+    row, column = (int(np.argmin(np.abs(axis))) for axis in (measured.magnification.y, measured.magnification.x))
+    values: Array = getattr(measured.magnification.magnification, name)
+    return Spread(_number(float(values[row, column])), found.least, found.largest)
 
 
-def _figures(measured: Measured) -> dict[str, Any]:
-    size, grid, bow, tilt = measured.magnification.magnification, measured.grid, measured.bow, measured.tilt
-    row, column_of = (int(np.argmin(np.abs(axis))) for axis in (measured.magnification.y, measured.magnification.x))
-    disparity_ = measured.disparity
-    return {
-        "aim": _aim(measured),
-        "image": {"way": WAYS[measured.orientation.way], "twice": measured.orientation.twice},
-        "field_deg": _fields(measured.fields),
-        "magnification": {name: _spread(values, row, column_of, getattr(measured.magnification_extremes, name))
-                          for name, values in (("horizontal", size.horizontal), ("vertical", size.vertical),
-                                               ("ratio", size.ratio))},
-        "disparity": {"max_percent": disparity_.max_percent, "max_at_mm": disparity_.max_at_mm,
-                      "max_rate_percent_per_mm": disparity_.max_rate_percent_per_mm,
-                      "max_rate_at_mm": disparity_.max_rate_at_mm},
-        "angular_size": [{"distance_m": one.distance_mm / MM, **{
-            f"{way}_arcmin": _size(getattr(one, way)) for way in ("mirror", "flat", "direct")}} for one in measured.sizes],
-        "lane_line": {"bow_arcmin": bow and bow.arcmin, "extent_arcmin": bow and bow.extent_arcmin,
-                      "straightness_percent": measured.straightness and measured.straightness.percent,
-                      "reference_plane_percent": measured.plane_straightness,
-                      "unmeasured": measured.line_unmeasured},
-        "column": {"tilt_arcmin": tilt and tilt.arcmin, "flat_tilt_arcmin": tilt and tilt.flat_arcmin,
-                   "own_tilt_arcmin": tilt and tilt.own_arcmin},
-        "grid": {"rms_arcmin": grid.rms_arcmin, "max_arcmin": grid.max_arcmin, "max_at_deg": grid.max_at_deg,
-                 "rms_percent": grid.rms_percent, "max_percent": grid.max_percent, "nodes": int(grid.shown.sum())},
-        "ground": {"seen_width_m": [{"at_m": one.x_mm / MM, "either": one.either_mm / MM, "both": one.both_mm / MM}
-                                    for one in measured.widths],
-                   "nearest_at_flank_m": {"either": _metres(measured.nearest[0]), "both": _metres(measured.nearest[1])}},
-        "blind_zone": _blind(measured),
-        "turned": turned_figures(measured),
-    }
-
-
-def _aim(measured: Measured) -> dict[str, Any]:
-    pose, margin = measured.mirror.pose, measured.margin
-    return {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch),
-            "flank_share": _number(measured.margin.aim.flank), "horizon_share": _number(measured.margin.aim.horizon),
-            "above_horizon_share": _number(margin.height), "above_horizon_deg": _number(math.degrees(margin.angle)),
-            "horizon_whole": margin.whole}
-
-
-def _fields(fields: EyeFields) -> dict[str, Any]:
-    eyes = ("left", "right", "either", "both")
-    return {"between_edges": fields.between_edges_deg[1],
-            **{f"horizon_{eye}": extent(getattr(fields.horizon_clear, eye)) for eye in eyes},
-            "upright_either": None if fields.upright_clear is None else extent(fields.upright_clear.either),
-            "azimuths": {eye: [list(one) for one in getattr(fields.horizon_clear, eye)] for eye in eyes}}
-
-
-def _size(seen: tuple[float, float] | None) -> dict[str, float] | None:
-    return None if seen is None else {"width": float(seen[0]), "height": float(seen[1])}
-
-
-def _blind(measured: Measured) -> dict[str, Any]:
-    zones = [{"height_m": zone.height_mm / MM, "length_m": zone.length_mm / MM, "area_m2": zone.area_mm2 / MM**2,
-              "along_middle_m": (zone.middle / MM).tolist(), "endless": zone.endless} for zone in measured.blind]
-    return {"at": zones, "longest_hidden_car_m": measured.hidden.longest_mm / MM, "hides_a_car": measured.hidden.hides}
-
-
-def turned_figures(measured: Measured) -> dict[str, Any]:
-    """What a mirror shows while it is turned about its aim.
-
-    Azimuths from straight rearward, positive to the vehicle's right, as those of the fields are.
-    """
+def turned_figures(measured: Measured) -> TurnedFigures:
+    """What a mirror shows while it is turned about its aim."""
     turned = measured.coverage
     side = -1.0 if measured.mirror.pose.hand == "left" else 1.0
-    return {"yaw_deg": np.degrees(turned.turns).round(9).tolist(),
-            "azimuth_from_deg": _numbers(side * (180.0 - np.degrees(turned.azimuth_from))),
-            "azimuth_to_deg": _numbers(side * (180.0 - np.degrees(turned.azimuth_to))),
-            "blind_length_m": _numbers(turned.blind_mm / MM), "blind_endless": turned.endless.tolist()}
-
-
-def _spread(values: Array, row: int, column_of: int, extent_: Extent | None) -> dict[str, Any]:
-    """In the middle, and from the least to the largest over what is seen."""
-    if extent_ is None:
-        return {"middle": None, "least": None, "largest": None}
-    return {"middle": _number(float(values[row, column_of])), "least": extent_.least, "largest": extent_.largest}
+    return TurnedFigures(np.degrees(turned.turns).round(9), side * (180.0 - np.degrees(turned.azimuth_from)),
+                         side * (180.0 - np.degrees(turned.azimuth_to)), turned.blind_mm / MM, turned.endless)
 
 
 def _box(body: Body) -> tuple[Array, Array]:
@@ -281,11 +252,3 @@ def _box(body: Body) -> tuple[Array, Array]:
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _metres(value: float) -> float | None:
-    return _number(value / MM)
-
-
-def _numbers(values: Array) -> list[float | None]:
-    return [_number(value) for value in values.tolist()]

@@ -14,7 +14,7 @@ from mirror_cad.errors import SpecError
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
-from mirror_studio.drive.world import MM, eyes_of, own_vehicle_of, pose_of
+from mirror_studio.drive.world import MM, eyes_of, host_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.errors import TraceError
 from raytrace.file_kinds import CAD_KINDS, conversion
@@ -47,7 +47,7 @@ class DrivenMirror:
     reflector: Reflector
     pose: Pose
     eyes: Eyes
-    own: HostVehicle
+    host: HostVehicle
     spec: MirrorSpec | None = None
 
     @cached_property
@@ -66,10 +66,10 @@ class DrivenMirror:
 
     def shown(self) -> Aim:
         """Where the flank's end and the horizon are seen."""
-        return shown_aim(self.reflector, self.pose, self.eyes.middle, self.own.rear_edge(self.pose.hand))
+        return shown_aim(self.reflector, self.pose, self.eyes.middle, self.host.rear_edge(self.pose.hand))
 
 
-def places_of(names: Sequence[str], said: Sequence[str]) -> dict[str, Place]:
+def placements_of(names: Sequence[str], said: Sequence[str]) -> dict[str, Place]:
     """Where each of the mirrors is in its file, by what a command line says: PLACE for all files, FILE=PLACE for one.
 
     Raises: SpecError for a FILE that is none of the mirrors, or a second place of one; TraceError as `place_from` does.
@@ -148,11 +148,11 @@ def exported(spec: MirrorSpec) -> Reflector:
 def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:
     """A reflector under the scene's bezel, aimed as the scene says."""
     reflector = visible_aperture(whole, MM * scene.mirror.bezel_over_m)
-    eyes, own, pose = eyes_of(scene), own_vehicle_of(scene), pose_of(scene)
+    eyes, host, pose = eyes_of(scene), host_vehicle_of(scene), pose_of(scene)
     if scene.mirror.yaw_deg is None:
         wanted = scene.aim or AimSection()
-        pose = aimed(reflector, pose, eyes.middle, own.rear_edge(pose.hand), Aim(wanted.flank_share, wanted.horizon_share))
-    mirror = DrivenMirror(name, whole, reflector, pose, eyes, own, spec)
+        pose = aimed(reflector, pose, eyes.middle, host.rear_edge(pose.hand), Aim(wanted.flank_share, wanted.horizon_share))
+    mirror = DrivenMirror(name, whole, reflector, pose, eyes, host, spec)
     mirror.views  # noqa: B018  an eye that cannot look into it is refused here
     return mirror
 
@@ -179,8 +179,8 @@ def named_apart(mirrors: Sequence[DrivenMirror], given: Sequence[str]) -> list[D
 def _told_apart(name: str, given: list[str], others: set[str]) -> list[str]:
     """Another name for each of the files of one name; presets keep theirs."""
     files = [Path(each) if each.lower().endswith((*FILES, ".toml")) else None for each in given]
-    places = [each if file is None else str(file.resolve()) for each, file in zip(given, files, strict=True)]
-    if len(set(places)) < len(places):
+    sources = [each if file is None else str(file.resolve()) for each, file in zip(given, files, strict=True)]
+    if len(set(sources)) < len(sources):
         raise SpecError(f"{name!r} is given twice: give each mirror once")
     folders = _differing([() if file is None else file.resolve().parent.parts for file in files])
     endings = ["" if file is None else file.suffix for file in files]

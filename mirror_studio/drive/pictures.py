@@ -25,7 +25,7 @@ from raytrace.viewing.view import View, mirror_grid
 Array = NDArray[np.float64]
 
 EYE_WIDTH_PX, EYE_HEIGHT_PX = 640, 720  # two of them side by side: 1280 × 720
-ROOM = 0.16  # of the mirror's angular size, left free around it in the picture
+MARGIN = 0.16  # of the mirror's angular size, left free around it in the picture
 # In the pixels that need more than one sample: nine show no edge's steps, and what differs by less is the asphalt's grain.
 SAMPLES, CONTRAST = 3, 16
 SHADOWS_FROM_MM = 30_000.0  # behind the eyes: what stands farther back throws no shadow that is seen ahead
@@ -41,7 +41,7 @@ class World:
         self.named: tuple[tuple[str, Body], ...] = named
         self._door_mirror = left_out  # of the driver's own vehicle
         self.bodies = tuple(body for _, body in self.named)
-        self.own = 0 if scene.own_vehicle.body == "none" else 1  # how many of the bodies are the driver's vehicle
+        self.host_bodies = 0 if scene.own_vehicle.body == "none" else 1  # how many of the bodies are the driver's vehicle
         self.road, self.daylight = road_of(scene), daylight_of(scene)
         self.woods = Woods() if self.road is not None else None  # the horizon of a scene that brings its own ground is its own
         self.reflectance = scene.mirror.reflectance
@@ -71,7 +71,7 @@ class World:
 
     @cached_property
     def _near(self) -> tuple[Body, ...]:
-        return tuple(body for body in self.bodies[self.own:] if body.vertices[:, 0].min() < SHADOWS_FROM_MM)
+        return tuple(body for body in self.bodies[self.host_bodies:] if body.vertices[:, 0].min() < SHADOWS_FROM_MM)
 
 
 def both_eyes(mirror: DrivenMirror, world: World, progress: Callable[[float], None] | None = None, width: int = EYE_WIDTH_PX,
@@ -97,7 +97,7 @@ def eye_picture(mirror: DrivenMirror, view: View, world: World, beside: Lit, wid
 
 
 def camera_at(mirror: DrivenMirror, view: View, width: int, height: int) -> tuple[Camera, float]:
-    """A camera at an eye, in mirror coordinates, that holds the mirror as the middle eye sees it with ROOM around it.
+    """A camera at an eye, in mirror coordinates, that holds the mirror as the middle eye sees it with MARGIN around it.
 
     With its pixel, radians. All mirrors of one size and place are seen at one scale.
     """
@@ -105,12 +105,12 @@ def camera_at(mirror: DrivenMirror, view: View, width: int, height: int) -> tupl
     corners = np.array([[x, y, 0.0] for x in (x_min, x_max) for y in (y_min, y_max)])
     centre = view.pose.to_vehicle(np.array([0.5 * (x_min + x_max), 0.5 * (y_min + y_max), 0.0]))
     middle = Camera.looking_at(mirror.views.middle.eye, centre, UP, 1.0, 2, 2)
-    ways = view.pose.to_vehicle(corners) - mirror.views.middle.eye
+    directions = view.pose.to_vehicle(corners) - mirror.views.middle.eye
     forward = (centre - mirror.views.middle.eye) / np.linalg.norm(centre - mirror.views.middle.eye)
     right, down = (axis / np.linalg.norm(axis) for axis in (middle.across, middle.down))
-    depth = ways @ forward
-    half = max(float(np.abs(ways @ right / depth).max()), float(np.abs(ways @ down / depth).max()) * width / height)
-    angle = 2.0 * float(np.arctan((1.0 + ROOM) * half))
+    depth = directions @ forward
+    half = max(float(np.abs(directions @ right / depth).max()), float(np.abs(directions @ down / depth).max()) * width / height)
+    angle = 2.0 * float(np.arctan((1.0 + MARGIN) * half))
     made = Camera.looking_at(view.eye, centre, UP, angle, width, height)
     turned = view.pose.directions_to_mirror
     return (Camera(view.eye_in_mirror, turned(made.base), turned(made.across), turned(made.down), width, height),

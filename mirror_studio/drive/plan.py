@@ -63,9 +63,9 @@ def _plan(axes: Axes, each: Measured, scene: SceneFile, footprints: Sequence[tup
         said_twice(axes)
     else:
         _seen_and_blind(axes, each, low)
-    own = each.mirror.own
-    axes.add_patch(Rectangle((own.front_mm / MM, -own.half_width_mm / MM), (own.rear_mm - own.front_mm) / MM,
-                             2.0 * own.half_width_mm / MM, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4))
+    host = each.mirror.host
+    axes.add_patch(Rectangle((host.front_mm / MM, -host.half_width_mm / MM), (host.rear_mm - host.front_mm) / MM,
+                             2.0 * host.half_width_mm / MM, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4))
     for name, corners in footprints:
         axes.add_patch(Polygon(corners / MM, facecolor="#c6ccd1", edgecolor=SOFT, linewidth=0.7, zorder=4))
         x, y = corners.mean(axis=0) / MM

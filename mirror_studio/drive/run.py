@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from mirror_cad.spec.file import spec_as_json
-from mirror_studio.as_json import placement_as_json
+from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, refuse_unreflected, stated_placement, versions, write_json, write_png
 from mirror_studio.drive import drawings
+from mirror_studio.drive.as_json import driven_as_json
 from mirror_studio.drive.in_plan import Array, footprint
-from mirror_studio.drive.measured import Measured, asked_of, figures, main_figures, measure
+from mirror_studio.drive.measured import MainFigures, Measured, asked_of, main_figures, measure
 from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
 from mirror_studio.drive.pictures import World, both_eyes
 from mirror_studio.drive.plan import ground_plans
@@ -26,10 +26,10 @@ from raytrace.seating import Place
 
 
 def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
-          places: Mapping[str, Place] | None = None) -> dict[str, Any]:
+          placements: Mapping[str, Place] | None = None) -> JsonObject:
     """Make the files of some mirrors in one scene in `out`, which is replaced as a whole; returns what measures.json holds.
 
-    places : by name, where a mirror is in its file; "auto" for what is not in it.
+    placements : by name, where a mirror is in its file; "auto" for what is not in it.
 
     Raises: MirrorError, with nothing written.
     """
@@ -37,7 +37,7 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
         mirrors: list[DrivenMirror] = []
         for name in names:
             progress.step(f"{name}: making and aiming")
-            mirrors.append(driven_mirror(name, scene, (places or {}).get(name, "auto")))
+            mirrors.append(driven_mirror(name, scene, (placements or {}).get(name, "auto")))
             if mirrors[-1].spec is None:
                 stated_placement(mirrors[-1].name, mirrors[-1].whole, progress)
         mirrors = named_apart(mirrors, names)
@@ -64,20 +64,18 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
     return content
 
 
-def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, dict[str, float | None]]],
-           rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]], left_out: list[str]) -> dict[str, Any]:
-    found = [figures(each) | {"sensitivity": change, "rays": rays[each.mirror.name],
-                              "placement": placement_as_json(each.mirror.placement)}
-             for each, change in zip(measured, changes, strict=True)]
+def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, MainFigures]],
+           rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]], left_out: list[str]) -> JsonObject:
     drawings.magnification_maps(folder / "maps.png", measured)
     lines_width = drawings.line_drawings(folder / "lines.png", measured)
     drawings.turned_drawing(folder / "turned.png", measured)
     ground_plans(folder / "plan.png", measured, scene, footprints)
     names = [each.mirror.name for each in measured]
-    content = dict(zip(names, found, strict=True))
+    content = {name: driven_as_json(each, change, rays[name])
+               for name, each, change in zip(names, measured, changes, strict=True)}
     write_json(folder / "measures.json", content)
     write_csv(folder / "measures.csv", measured)
-    write_sheet(folder / "index.html", scene, measured, found, lines_width, left_out)
+    write_sheet(folder / "index.html", scene, measured, changes, lines_width, left_out)
     specs = {each.mirror.name: spec_as_json(each.mirror.spec) for each in measured if each.mirror.spec is not None}
     write_json(folder / MANIFEST, {"schema": 1, "scene": scene.model_dump(mode="json", exclude_none=True), "specs": specs,
                                    "left_out": left_out,

@@ -9,15 +9,14 @@ from dataclasses import replace
 from mirror_cad.laws.matched import with_solved
 from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
+from mirror_studio.drive.measured import MainFigures
 from mirror_studio.drive.mirrors import DrivenMirror, exported
 from raytrace.viewing.bezel import visible_aperture
 
 TURN_DEG, RADII = 1.0, 0.05  # what a driver's hand and a glass maker's tolerance are good for
 
-Figures = dict[str, float | bool | None]
 
-
-def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], Figures], over_mm: float) -> dict[str, Figures]:
+def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], MainFigures], over_mm: float) -> dict[str, MainFigures]:
     """Figures of the mirror with its yaw and pitch changed by ±TURN_DEG.
 
     Likewise with all its radii changed by ±RADII at the same yaw and pitch; the latter only for a mirror that was designed by

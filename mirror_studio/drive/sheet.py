@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from mirror_cad.laws.words import plain
-from mirror_studio.drive.measured import Measured
+from mirror_studio.drive.measured import MainFigures, Measured, spread_of
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, camera_at
-from mirror_studio.drive.table import WAY_DEFINITION, WAY_TITLE, cells, groups_of, ways
+from mirror_studio.drive.table import ORIENTATION_DEFINITION, ORIENTATION_TITLE, cells, groups_of, orientations
 from mirror_studio.report.text import fixed, templates
 from mirror_studio.scene_file import AimSection, SceneFile
+from raytrace.measures.eye_fields import extent
 from raytrace.measures.in_use import Asked
 
 SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "own flank, of width", 3),
@@ -26,23 +27,23 @@ def picture_name(mirror: str) -> str:
     return f"{mirror}-eyes.png"
 
 
-def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured], figures: Sequence[Mapping[str, Any]],
-                lines_width: float, left_out: Sequence[str] = ()) -> None:
+def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured],
+                changes: Sequence[Mapping[str, MainFigures]], lines_width: float, left_out: Sequence[str] = ()) -> None:
     """Write index.html, which shows the pictures and drawings beside it.
 
     lines_width : of the lines' drawing, of the page's.   left_out : what of bodies is not drawn.
     """
     groups = [(group, [(row, cells(row, measured)) for row in rows]) for group, rows in groups_of(measured)]
-    mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each, one),
+    mirrors = [{"name": each.mirror.name, "picture": picture_name(each.mirror.name), "caption": _caption(each),
                 "sensitivity": [(name, [_sensitive(values, key, decimals) for key, _, decimals in SENSITIVE])
-                                for name, values in one["sensitivity"].items()]}
-               for each, one in zip(measured, figures, strict=True)]
+                                for name, values in change.items()]}
+               for each, change in zip(measured, changes, strict=True)]
     page = templates().get_template("drive.html.j2").render(
         title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}",
         facts=_facts(scene, left_out),
         lead=_lead(scene) if len(measured) > 1 else "", one_scale=_one_scale(measured),
         lines_percent=f"{100.0 * lines_width:.1f}", radii_of=_designed(measured),
-        mirrors=mirrors, groups=groups, way=(WAY_TITLE, WAY_DEFINITION, ways(measured)),
+        mirrors=mirrors, groups=groups, way=(ORIENTATION_TITLE, ORIENTATION_DEFINITION, orientations(measured)),
         lines=_lines(measured[0].asked, scene),
         direct=f"{plain(scene.measured.direct_view_deg)}° from straight ahead",
         hidden=plain(scene.measured.hidden_height_m), sensitivity_titles=[title for _, title, _ in SENSITIVE])
@@ -67,20 +68,20 @@ def _lines(asked: Asked, scene: SceneFile) -> str:
     return (lane if asked.line_y is not None else "") + ("; the column" if asked.column is not None else "")
 
 
-def _sensitive(values: Mapping[str, Any], key: str, decimals: int) -> str:
+def _sensitive(values: MainFigures, key: str, decimals: int) -> str:
     """A figure with "≥" before the length of a zone that goes on where looking ends."""
-    return ("≥ " if key == "blind_length_m" and values["blind_endless"] else "") + fixed(values[key], decimals)
+    return ("≥ " if key == "blind_length_m" and values.blind_endless else "") + fixed(getattr(values, key), decimals)
 
 
-def _caption(each: Measured, figures: Mapping[str, Any]) -> str:
-    spec = each.mirror.spec
+def _caption(each: Measured) -> str:
+    spec, pose, size = each.mirror.spec, each.mirror.pose, spread_of(each, "horizontal")
     laws = ""
     if spec is not None:
         laws = f"{spec.target.in_words()}; " if spec.target else f"{spec.horizontal.in_short()} × {spec.vertical.in_short()}; "
-    field, size = figures["field_deg"], figures["magnification"]["horizontal"]
-    return (f"{laws}yaw {fixed(figures['aim']['yaw_deg'], 1)}°, pitch {fixed(figures['aim']['pitch_deg'], 1)}°; horizon "
-            f"{fixed(field['horizon_either'], 1)}° by either eye; far things {fixed(size['middle'], 2)} times as wide as in a "
-            f"flat mirror in the middle, {fixed(size['least'], 2)} times at the least")
+    field = None if each.orientation.twice else extent(each.fields.horizon_clear.either)
+    return (f"{laws}yaw {fixed(math.degrees(pose.yaw), 1)}°, pitch {fixed(math.degrees(pose.pitch), 1)}°; horizon "
+            f"{fixed(field, 1)}° by either eye; far things {fixed(size.middle, 2)} times as wide as in a "
+            f"flat mirror in the middle, {fixed(size.least, 2)} times at the least")
 
 
 def _lead(scene: SceneFile) -> str:

@@ -6,12 +6,12 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from mirror_studio.drive.measured import WAYS, Measured, value_of
+from mirror_studio.drive.measured import ORIENTATIONS, Measured, value_of
 from mirror_studio.report.text import fixed
 from raytrace.measures.registry import GROUPS, Measure, measures_of
 
-WAY_TITLE = "far things are shown"
-WAY_DEFINITION = "beside a flat mirror; of one that shows some things twice, no field, size, line or ground is measured"
+ORIENTATION_TITLE = "far things are shown"
+ORIENTATION_DEFINITION = "beside a flat mirror; of one that shows some things twice, no field, size, line or ground is measured"
 
 
 def groups_of(measured: Sequence[Measured]) -> list[tuple[str, list[Measure]]]:
@@ -23,9 +23,9 @@ def groups_of(measured: Sequence[Measured]) -> list[tuple[str, list[Measure]]]:
     return [(group, rows) for group, rows in by_group if rows]
 
 
-def ways(measured: Sequence[Measured]) -> list[str]:
+def orientations(measured: Sequence[Measured]) -> list[str]:
     """Which way round each mirror shows things, in words."""
-    return [WAYS[each.orientation.way] for each in measured]
+    return [ORIENTATIONS[each.orientation.way] for each in measured]
 
 
 def cells(measure: Measure, measured: Sequence[Measured]) -> list[str]:
@@ -45,7 +45,7 @@ def write_csv(path: Path, measured: Sequence[Measured]) -> None:
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["group", "measure", "figure", "unit", *(each.mirror.name for each in measured)])
-        writer.writerow([GROUPS[0], "image", WAY_TITLE, "", *ways(measured)])
+        writer.writerow([GROUPS[0], "image", ORIENTATION_TITLE, "", *orientations(measured)])
         for group, rows in groups_of(measured):
             for row in rows:
                 values = [value_of(each, row) if row.name in measures_of(each.use) else None for each in measured]

@@ -32,7 +32,7 @@ def eyes_of(scene: SceneFile) -> Eyes:
     return Eyes(MM * np.array(scene.eyes.middle_m), MM * scene.eyes.separation_m)
 
 
-def own_vehicle_of(scene: SceneFile) -> HostVehicle:
+def host_vehicle_of(scene: SceneFile) -> HostVehicle:
     """The box of the driver's vehicle."""
     own = scene.own_vehicle
     return HostVehicle(0.5 * MM * own.width_m, MM * own.front_m, MM * own.rear_m, MM * own.height_m)

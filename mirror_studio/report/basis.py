@@ -16,7 +16,7 @@ SAMPLING_DIGITS = 5  # the grid and its refinement differ in the fourth or later
 def basis_rows(mirror: Mirror, metrics: Metrics, findings: ReportData) -> list[tuple[str, str]]:
     """Evaluated area, what realised and designed are, grid, averages, signs and percent."""
     found = findings.uncertainty
-    (nx, ny), (inside, edge) = found.cells, found.places
+    (nx, ny), (inside, edge) = found.cells, found.points
     x_min, x_max, y_min, y_max = mirror.box
     whole = with_unit(metrics.plate and metrics.plate.area_mm2, "mm²", 6)
     return [
@@ -29,13 +29,13 @@ def basis_rows(mirror: Mirror, metrics: Metrics, findings: ReportData) -> list[t
                      "every height; a deviation from it is no fault"),
         ("Grid", f"{nx} × {ny} cells over the outline's box, {fixed((x_max - x_min) / nx, 2)} × "
                  f"{fixed((y_max - y_min) / ny, 2)} mm each: {count(inside)} cell middles inside the outline "
-                 f"and {count(edge)} places on the outline itself"),
-        ("Largest and RMS", "largest values over all places; RMS and shares of area over the cell middles, by equal area in "
+                 f"and {count(edge)} points on the outline itself"),
+        ("Largest and RMS", "largest values over all points; RMS and shares of area over the cell middles, by equal area in "
                             "(x, y)"),
         ("Signs", "convex positive; deviation = realised − designed; k1 ≥ k2 are the principal curvatures, kx and ky those of "
                   "the normal sections along x and y, twist the mixed one; shape is all of the shape operator, the size of "
                   "(kx, ky, twist) together"),
-        ("Percent", "of the designed value at the place, of 1 % of the RMS designed curvature where that is larger; twist "
+        ("Percent", "of the designed value at the point, of 1 % of the RMS designed curvature where that is larger; twist "
                     "and shape of that RMS"),
     ]
 
@@ -52,7 +52,7 @@ def sampling_rows(found: Uncertainty) -> list[tuple[str, list[str]]]:
 
 def rounding_rows(deviation: Deviation, found: Uncertainty) -> list[tuple[str, str, str]]:
     """Every other source of numerical uncertainty: what, how large, and where it enters."""
-    rows = [("Grid, its refinement", _sampled(found), "comes on top: a maximum between the places"),
+    rows = [("Grid, its refinement", _sampled(found), "comes on top: a maximum between the points"),
             ("Rounding, two formulas of the realised curvature", with_unit(found.rounding_per_m, "/m", 2), "comes on top")]
     if found.quadrature_mm is not None:
         percent = found.quadrature_percent

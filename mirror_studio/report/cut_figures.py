@@ -32,17 +32,17 @@ def radius_figure(cuts: list[Cut], limit_percent: float | None) -> bytes:
         low, high = _deviation_range(cuts, key, limit_percent)
         last = key == ROWS[-1][0]
         for k, cut in enumerate(cuts):
-            left, ends = LEFT + k * (width + APART), (float(np.nanmin(cut.place)), float(np.nanmax(cut.place)))
+            left, ends = LEFT + k * (width + APART), (float(np.nanmin(cut.position)), float(np.nanmax(cut.position)))
             upper = Panel(left, top, width, RADIUS_HEIGHT, ends, scale)
             designed, realised, band = shown[k]
             if band is not None:
-                upper.band(cut.place, *band, LIMIT, 0.16)
+                upper.band(cut.position, *band, LIMIT, 0.16)
                 banded = True
-            upper.line(cut.place, designed, DESIGNED, 5.5)
-            upper.line(cut.place, realised, REALISED, 1.5)
+            upper.line(cut.position, designed, DESIGNED, 5.5)
+            upper.line(cut.position, realised, REALISED, 1.5)
             lower = Panel(left, top + RADIUS_HEIGHT + BETWEEN, width, DEVIATION_HEIGHT, ends, (low, high))
             lower.level(0.0, "#999999")
-            lower.line(cut.place, cut.deviation[key], REALISED, 1.5)
+            lower.line(cut.position, cut.deviation[key], REALISED, 1.5)
             if limit_percent is not None and cut.unit == "%" and limit_percent < high:
                 for edge in (-limit_percent, limit_percent):
                     lower.level(edge, LIMIT, 1.4, DASH)
@@ -67,7 +67,7 @@ def comb_figure(cuts: list[Cut]) -> bytes:
     for along in ("x", "y"):
         some = [cut for cut in cuts if cut.along == along]
         width = (WIDTH - LEFT - RIGHT - APART * (len(some) - 1)) / len(some)
-        length = max(float(np.nanmax(cut.place) - np.nanmin(cut.place)) for cut in some)
+        length = max(float(np.nanmax(cut.position) - np.nanmin(cut.position)) for cut in some)
         largest = max(float(np.nanmax(np.abs(cut.plane_curvature))) for cut in some)
         scale = LONGEST_TOOTH * length / max(largest, 1e-3 * MIN_CURVATURE_PER_M)
         combs = [_comb(cut, scale) for cut in some]
@@ -95,7 +95,7 @@ def comb_figure(cuts: list[Cut]) -> bytes:
 
 def _comb(cut: Cut, scale: float) -> tuple[Array, Array, Array]:
     """The cut, its teeth's ends and where the law would have them, (2, n) each."""
-    curve = np.stack([cut.place, cut.points[:, 2]])
+    curve = np.stack([cut.position, cut.points[:, 2]])
     normal = np.stack([-cut.slope, np.ones_like(cut.slope)]) / np.hypot(1.0, cut.slope)
     law = cut.designed.w11 if cut.along == "x" else cut.designed.w22
     return curve, curve + scale * cut.plane_curvature * normal, curve + scale * law * normal

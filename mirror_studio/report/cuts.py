@@ -17,7 +17,7 @@ from mirror_studio.report.tables import Table
 
 Array = NDArray[np.float64]
 
-PLACES = 241  # on a cut across the whole box: a place a millimetre, or finer than a plot shows
+SAMPLES = 241  # on a cut across the whole box: a sample a millimetre, or finer than a plot shows
 SHARES = (-1.0 / 3.0, 0.0, 1.0 / 3.0)  # of the half-extent: where the cuts lie beside the box's middle
 
 
@@ -44,7 +44,7 @@ class Cut:
     band: dict[str, Array] | None
 
     @property
-    def place(self) -> Array:
+    def position(self) -> Array:
         """The coordinate along the cut, mm."""
         return self.points[:, 0 if self.along == "x" else 1]
 
@@ -67,15 +67,15 @@ def cuts(mirror: Mirror, surface: BSplineSurface, rms: float, unit: str) -> list
         middle, half = 0.5 * (across_low + across_high), 0.5 * (across_high - across_low)
         for share in SHARES:
             at = round(middle + share * half, 9) + 0.0
-            found.append(_cut(mirror, surface, "x" if along == "x" else "y", at, np.linspace(low, high, PLACES), rms, unit))
+            found.append(_cut(mirror, surface, "x" if along == "x" else "y", at, np.linspace(low, high, SAMPLES), rms, unit))
     return found
 
 
 def cuts_table(found: list[Cut]) -> Table:
-    """All cuts under each other, the places outside the outline left out."""
+    """All cuts under each other, the points outside the outline left out."""
     columns: dict[str, list[Array]] = {}
     for cut in found:
-        inside = np.isfinite(cut.place)
+        inside = np.isfinite(cut.position)
         unit = "percent" if cut.unit == "%" else "per_m"
         one = {"cut": np.full(len(inside), ("y" if cut.along == "x" else "x")), "at_mm": np.full(len(inside), cut.at_mm),
                "x_mm": cut.points[:, 0], "y_mm": cut.points[:, 1], "z_mm": cut.points[:, 2],

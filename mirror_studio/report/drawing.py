@@ -77,7 +77,7 @@ class Panel:
 
     def segments(self, starts: Array, ends: Array, colour: str, width: float) -> None:
         """Straight pieces between points (n, 2)."""
-        a, b = (np.stack(self._px(*places.T), axis=1) for places in (starts, ends))
+        a, b = (np.stack(self._px(*ends_.T), axis=1) for ends_ in (starts, ends))
         self._path(" ".join(f"M{p[0]:.1f} {p[1]:.1f}L{q[0]:.1f} {q[1]:.1f}" for p, q in zip(a, b, strict=True)),
                    colour, width, "", 1.0)
 
@@ -125,11 +125,11 @@ class Panel:
         return self.left + self.width * (x - x0) / (x1 - x0), self.top + self.height * (y1 - y) / (y1 - y0)
 
     def _runs(self, x: ArrayLike, y: ArrayLike) -> list[Array]:
-        places = np.stack(self._px(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)), axis=1)
+        pixels = np.stack(self._px(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)), axis=1)
         # Far outside the panel all is one: renderers keep coordinates in few digits.
-        places = np.clip(places, -1e4, 1e4)
-        finite = np.isfinite(places).all(axis=1)
-        return [run for run in np.split(places, np.flatnonzero(np.diff(finite)) + 1) if len(run) > 1 and np.isfinite(run).all()]
+        pixels = np.clip(pixels, -1e4, 1e4)
+        finite = np.isfinite(pixels).all(axis=1)
+        return [run for run in np.split(pixels, np.flatnonzero(np.diff(finite)) + 1) if len(run) > 1 and np.isfinite(run).all()]
 
     def _path(self, d: str, colour: str, width: float, dash: str, opacity: float) -> None:
         more = (f' stroke-dasharray="{dash}"' if dash else "") + (f' stroke-opacity="{opacity:g}"' if opacity != 1.0 else "")

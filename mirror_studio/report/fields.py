@@ -22,7 +22,7 @@ MIN_PERCENT = 1e-6
 # A limit this many times beyond the largest deviation is named beside the scale: on it, the maps would be blank.
 FAR_LIMIT = 3.0
 # Beyond this a deviation is larger than the curvature it is a percent of, as where a law passes through zero: one line of
-# such places would set the scale of all maps.
+# such points would set the scale of all maps.
 LARGEST_PERCENT = 100.0
 
 
@@ -48,7 +48,7 @@ class Pair:
 class DeviationFields:
     """Realised minus designed at the grid, in `unit`: percent, or 1/m for a plane and where percent mean nothing.
 
-    worst : of each quantity the value largest in size, in `unit`, and its place in mm.
+    worst : of each quantity the value largest in size, in `unit`, and its point in mm.
     limit : ± percent that k1 and k2 may have, None without one and in 1/m.   scale : the one scale of all, ± in `unit`.
     """
 
@@ -94,7 +94,7 @@ def deviation_fields(deviation: Deviation, limit_percent: float | None) -> Devia
 
 
 def _worst(field: Array, grid: Grid) -> tuple[float, tuple[float, float]]:
-    """The value largest in size and its place; of places that rounding alone tells apart the upper, as in deviation.json."""
+    """The value largest in size and its point; of points that rounding alone tells apart the upper, as in deviation.json."""
     at = index_of_largest(np.abs(field), grid)
     return float(field[at]), (float(grid.x[at]), float(grid.y[at]))
 

@@ -66,7 +66,7 @@ def pair_maps(deviation: Deviation, outline: Outline, pairs: list[Pair]) -> byte
 
 
 def deviation_maps(deviation: Deviation, outline: Outline, fields: DeviationFields) -> bytes:
-    """The five deviations on one scale about zero, worst places ringed, the limit as contours on k1 and k2; PNG."""
+    """The five deviations on one scale about zero, worst points ringed, the limit as contours on k1 and k2; PNG."""
     frame = _Frame.of(deviation, outline)
     scale = fields.scale
     with matplotlib.rc_context(STYLE):

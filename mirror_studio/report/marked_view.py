@@ -76,8 +76,8 @@ def marked_view(png: bytes, frame: Frame, image: LaneImage | None, surface: Opti
         curve = CubicSpline(image.x[::-1], image.y[::-1])(x)
         line = np.interp(x[::-1], image.x[::-1], image.tangent[::-1])[::-1]
         for y, colour in ((curve, CURVE), (line, TANGENT)):
-            places = scale * _pixels(frame, surface, eye, x, y)
-            drawn = [(float(a), float(b)) for a, b in places[np.isfinite(places).all(axis=1)]]
+            pixels = scale * _pixels(frame, surface, eye, x, y)
+            drawn = [(float(a), float(b)) for a, b in pixels[np.isfinite(pixels).all(axis=1)]]
             for spread, shade in ((thick + 4, (255, 255, 255)), (thick, colour)):
                 pen.line(drawn, fill=shade, width=spread, joint="curve")
         ends = scale * _pixels(frame, surface, eye, np.full(2, image.x[-1]), np.array([image.y[-1], image.tangent[-1]]))
@@ -90,15 +90,15 @@ def marked_view(png: bytes, frame: Frame, image: LaneImage | None, surface: Opti
 
 
 def _pixels(frame: Frame, surface: OpticalSurface, eye: Array, x: Array, y: Array) -> Array:
-    """Columns and rows (n, 2) of the picture at which the eye sees the places (x, y) of the mirror; NaN beyond its sheet."""
+    """Columns and rows (n, 2) of the picture at which the eye sees the points (x, y) of the mirror; NaN beyond its sheet."""
     u_min, u_max, v_min, v_max = surface.domain
     beyond = (y < v_min) | (y > v_max) | (x < u_min) | (x > u_max)
     x, y = np.clip(x, u_min, u_max), np.clip(y, v_min, v_max)
     ray = surface.eye_rays(eye, x, y)
     on_plane = eye + ray * (-eye[2] / ray[:, 2])[:, None]
-    places = np.stack([(on_plane[:, 0] - frame.left) / frame.pixel, (frame.top - on_plane[:, 1]) / frame.pixel], axis=1)
-    places[beyond] = np.nan
-    return places
+    pixels = np.stack([(on_plane[:, 0] - frame.left) / frame.pixel, (frame.top - on_plane[:, 1]) / frame.pixel], axis=1)
+    pixels[beyond] = np.nan
+    return pixels
 
 
 def _letters(pen: ImageDraw.ImageDraw, ends: Array, width: int, names: tuple[str, str]) -> None:

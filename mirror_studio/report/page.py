@@ -44,7 +44,7 @@ from mirror_studio.report.text import (
     given,
     lane_in_words,
     number,
-    place,
+    point_in_words,
     templates,
     with_unit,
 )
@@ -143,7 +143,7 @@ def verdicts(mirror: Mirror, deviation: Deviation, fields: DeviationFields,
 
 def _target_verdict(target: TargetFigures) -> Verdict:
     """How near the mirror comes to the view that it is made for."""
-    at = f"{place(target.max_at_mm)}{NARROW_SPACE}mm"
+    at = f"{point_in_words(target.max_at_mm)}{NARROW_SPACE}mm"
     each = "" if len(target.eyes) == 1 else "; " + ", ".join(
         f"{name} eye {with_unit(one.rms_arcmin, '′')} RMS" for name, one in target.eyes.items())
     settled = ("More spans would gain nothing that an eye sees: this is what no surface can show"
@@ -190,7 +190,8 @@ def _part_verdict(mirror: Mirror, deviation: Deviation, fields: DeviationFields)
                        f"most {with_unit(total.largest_principal_per_m, '/m', 2)}.")
     percent = fields.unit == "%"
     worst = "; ".join(f"{key} {_beside(value, limit, '%', 3, True) if percent else with_unit(value, '/m', sign=True)} at "
-                      f"{place(at)}{NARROW_SPACE}mm" for key, (value, at) in fields.worst.items() if key in ("k1", "k2"))
+                      f"{point_in_words(at)}{NARROW_SPACE}mm" for key, (value, at) in fields.worst.items()
+                      if key in ("k1", "k2"))
     other = " and ".join(with_unit(one.max_per_m, "/m", sign=True) if percent else
                          _beside(one.max_percent, limit, "%", 3, True) for one in (total.k1, total.k2))
     text = f"{surface} surface, realised against designed curvature at its worst: {worst} ({other})."
@@ -294,7 +295,7 @@ def _glass(found: GlassFigures | None) -> list[tuple[str, str]]:
     ghost = found.ghost
     mean, largest, through = (None if share is None else 100.0 * share
                               for share in (ghost.front_mean, ghost.front_max, ghost.image_mean))
-    at = f" at {place(ghost.max_at_mm)}{NARROW_SPACE}mm" if ghost.max_at_mm else ""
+    at = f" at {point_in_words(ghost.max_at_mm)}{NARROW_SPACE}mm" if ghost.max_at_mm else ""
     return [
         ("ghost beside the image, largest", fixed_with_unit(ghost.max_arcmin, "′", 1) + at),
         ("the same, mean", fixed_with_unit(ghost.mean_arcmin, "′", 1)),
@@ -326,8 +327,8 @@ def _making(mirror: Mirror, metrics: Metrics) -> list[tuple[str, str]]:
     ]
     if fit.curvature_error_percent is not None:
         off = _beside(fit.curvature_error_percent, surface.curvature_tolerance_percent, "%", 2)
-        rows.append(("Fit, largest curvature error", f"{off} at {place(fit.worst_at_mm)}{NARROW_SPACE}mm, over the whole "
-                     f"bounding box (asked: {given(surface.curvature_tolerance_percent, '%')})"))
+        rows.append(("Fit, largest curvature error", f"{off} at {point_in_words(fit.worst_at_mm)}{NARROW_SPACE}mm, over the "
+                     f"whole bounding box (asked: {given(surface.curvature_tolerance_percent, '%')})"))
     if mirror.matched is not None:
         rows.append(("Solved for", f"{mirror.matched[0]} = {number(mirror.matched[1], 6)}"))
     other = "Back" if mirror.spec.glass.reflecting == "front" else "Front"

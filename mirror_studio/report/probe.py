@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 ACROSS = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # of the half-width, and of half the height there: well inside
 # Coordinates are typed in by hand: no finer than this share of the mirror's smaller side, rounded down to a power of ten.
 COARSENESS = 1.0 / 200.0
-CHORD_PLACES = 2001  # at which a column is looked at for where the outline crosses it
+CHORD_SAMPLES = 2001  # at which a column is looked at for where the outline crosses it
 # Principal curvatures closer than this share of the larger have no direction that a reader could check.
 UMBILIC = 1e-6
 FLAT_PER_MM = 1e-9  # a radius of 1000 km
@@ -86,7 +86,7 @@ def probe(surface: BSplineSurface, outline: Outline) -> Probe:
 
 def _longest_stretches(outline: Outline, x: Array, y_min: float, y_max: float) -> tuple[Array, Array]:
     """The longest interval of y that lies inside the outline at each x: its ends, (n,) each."""
-    y = np.linspace(y_min, y_max, CHORD_PLACES)
+    y = np.linspace(y_min, y_max, CHORD_SAMPLES)
     ends = []
     for inside in outline.contains(x[:, None], y):
         padded = np.concatenate([[False], inside, [False]])

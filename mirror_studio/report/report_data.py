@@ -80,7 +80,7 @@ def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metric
     file : the STEP file as read, None without the kernel.
     seen : what the eye looks at; without it, the face itself.
     """
-    setting = ViewingSetup.of(mirror.spec, mirror.box)
+    setup = ViewingSetup.of(mirror.spec, mirror.box)
     seen = seen or BSplineFace(read_back, (mirror.outline.polyline(TRIM_CHORD_MM),))
     fields = deviation_fields(deviation, mirror.spec.limits.curvature_percent)
     rms = rms_norm(deviation.designed, deviation.grid.weights)
@@ -88,7 +88,7 @@ def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metric
     return ReportData(
         fields, histogram(deviation, fields), _measures(metrics), uncertainty(mirror, deviation, read_back, fields),
         requirements(mirror, deviation, metrics), probe(read_back, mirror.outline), cuts(mirror, read_back, rms, fields.unit),
-        step_change(mirror, deviation, read_back, file), lane_image(seen, setting.eye, setting.lane, mirror.box, straightness),
+        step_change(mirror, deviation, read_back, file), lane_image(seen, setup.eye, setup.lane, mirror.box, straightness),
         _maps(mirror, read_back, rms), seen)
 
 
@@ -100,8 +100,8 @@ def write_findings(folder: Path, mirror: Mirror, deviation: Deviation, findings:
     head = {"head": dataclasses.asdict(heading(mirror, manifest)), "file": f"{mirror.spec.name}.step", "face": "optical face",
             "verdicts": {"numerical": deviation.numerical, "part": deviation.part,
                          "view": all(row.met for row in viewed) if viewed else None},
-            "basis": {"area_mm2": mirror.outline.area_mm2(), "cells": list(measured.cells), "places_inside": measured.places[0],
-                      "places_on_edge": measured.places[1], "refined_cells": list(measured.finer_cells),
+            "basis": {"area_mm2": mirror.outline.area_mm2(), "cells": list(measured.cells), "places_inside": measured.points[0],
+                      "places_on_edge": measured.points[1], "refined_cells": list(measured.finer_cells),
                       "refined_places_inside": measured.finer[0], "refined_places_on_edge": measured.finer[1],
                       "rounding_per_m": measured.rounding_per_m, "quadrature_mm": measured.quadrature_mm,
                       "quadrature_percent": measured.quadrature_percent},

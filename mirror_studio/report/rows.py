@@ -15,7 +15,7 @@ from mirror_studio.report.text import (
     fixed,
     fixed_with_unit,
     given,
-    place,
+    point_in_words,
     with_unit,
 )
 from mirror_studio.report.uncertainty import Uncertainty
@@ -65,8 +65,8 @@ def _requirement(row: Requirement, measured: Uncertainty) -> dict[str, str]:
         "name": row.name, "met": {True: "yes", False: "no", None: "open"}[row.met], "verdict": verdict,
         "limit": MISSING if row.limit is None else before + _asked(row.limit, row.unit),
         "actual": actual_in_words(row, signed), "margin": MISSING if row.margin is None else _margin(row),
-        "place": MISSING if row.place is None or row.actual == 0.0 else
-        f"{place(row.place)}{NARROW_SPACE}mm",
+        "place": MISSING if row.point is None or row.actual == 0.0 else
+        f"{point_in_words(row.point)}{NARROW_SPACE}mm",
     }
 
 

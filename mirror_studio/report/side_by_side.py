@@ -8,7 +8,7 @@ from mirror_cad.deviation import QUANTITIES
 from mirror_cad.laws.words import plain
 from mirror_studio.build.results import MethodChange, MethodComparison, MethodFigures
 from mirror_studio.report.stages import Floor
-from mirror_studio.report.text import NARROW_SPACE, fixed, fixed_with_unit, number, place, with_unit
+from mirror_studio.report.text import NARROW_SPACE, fixed, fixed_with_unit, number, point_in_words, with_unit
 
 METHODS = ("decoupled", "faithful")
 # Changes smaller than what the table shows are none.
@@ -132,7 +132,7 @@ def _from_to(before: float, after: float) -> str:
 
 
 def _change_rows(change: MethodChange, distance_mm: float) -> list[tuple[str, str]]:
-    at = f" at {place(change.sag_max_at_mm)}{NARROW_SPACE}mm" if change.sag_max_mm else ""
+    at = f" at {point_in_words(change.sag_max_at_mm)}{NARROW_SPACE}mm" if change.sag_max_mm else ""
     return [
         ("height moved, point and normal at the origin held",
          f"{with_unit(change.sag_max_mm, 'mm', sign=True)}{at}; RMS\u00a0{with_unit(change.sag_rms_mm, 'mm')}"),

@@ -10,7 +10,7 @@ from mirror_cad.laws.words import plain
 from mirror_cad.surfaces.differential import rms_norm
 from mirror_cad.surfaces.faithful import Faithful
 from mirror_studio.report.tables import Table
-from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, place, with_unit
+from mirror_studio.report.text import MISSING, NARROW_SPACE, count, given, number, point_in_words, with_unit
 
 STAGES = {
     "model": "the exact {method} surface against the design",
@@ -97,7 +97,7 @@ def _cell(one: QuantityDeviation | ShapeDeviation) -> StageCell:
 
 
 def _place(size: float, at: tuple[float, float]) -> str:
-    return MISSING if size == 0.0 else place(at)
+    return MISSING if size == 0.0 else point_in_words(at)
 
 
 def stages_and_total(deviation: Deviation) -> list[tuple[str, StageDeviation]]:
@@ -132,7 +132,7 @@ def explained_sentences(deviation: Deviation) -> str:
     explained = deviation.explained
     left = explained.unexplained_max_per_m
     sums = "exactly" if left == 0.0 else f"but for {with_unit(left, '/m', 2)}, which is rounding"
-    last = f"At every place the stages add up to the total {sums}: nothing is left unexplained."
+    last = f"At every point the stages add up to the total {sums}: nothing is left unexplained."
     shares = explained.model_shape_rms_percent, explained.numerical_shape_rms_percent, explained.total_shape_rms_percent
     if explained.total_shape_rms_percent is None:
         stages = deviation.stages

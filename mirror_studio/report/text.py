@@ -16,7 +16,7 @@ MISSING = "—"
 NARROW_SPACE = "\u202f"
 CLOSE_UNITS = ("°", "′", "″")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-PLACE_DECIMALS = 2  # mm: the presets' deviations at the printed places are the printed ones to their three digits
+POINT_DECIMALS = 2  # mm: the presets' deviations at the printed points are the printed ones to their three digits
 # Outside this range a number is written with a power of ten.
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e7
 USUAL_DIGITS = 3
@@ -98,9 +98,9 @@ def count(value: Any) -> str:
     return MISSING if value is None else _grouped(float(value), 0)
 
 
-def place(xy: Sequence[float] | None) -> str:
-    """A place on the mirror: “x 88.12, y −161.06”, in mm."""
-    return MISSING if xy is None else ", ".join(f"{axis}{NARROW_SPACE}{fixed(value, PLACE_DECIMALS)}"
+def point_in_words(xy: Sequence[float] | None) -> str:
+    """A point on the mirror: “x 88.12, y −161.06”, in mm."""
+    return MISSING if xy is None else ", ".join(f"{axis}{NARROW_SPACE}{fixed(value, POINT_DECIMALS)}"
                                                 for axis, value in zip("xy", xy, strict=True))
 
 

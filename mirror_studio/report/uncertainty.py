@@ -29,15 +29,15 @@ GAUSS_NODES = 32  # on each piece of the profile: exact for polynomials of degre
 class Uncertainty:
     """How far the figures of a deviation may be off.
 
-    cells, places : of the grid inside the outline, and of those on its edge; finer : the same of the refined one.
+    cells, points : of the grid inside the outline, and of those on its edge; finer : the same of the refined one.
     largest : of each quantity the largest deviation in size on the grid and on the refined one, in `unit` (% or 1/m).
-    rounding_per_m : between two formulas of the realised curvature at the same places.
+    rounding_per_m : between two formulas of the realised curvature at the same points.
     quadrature_mm, quadrature_percent : of the exact profile, against Gauss's rule and against its own second derivative;
     None where no part of the mirror is built on a profile by quadrature.
     """
 
     cells: tuple[int, int]
-    places: tuple[int, int]
+    points: tuple[int, int]
     finer_cells: tuple[int, int]
     finer: tuple[int, int]
     largest: dict[str, tuple[float, float]]
@@ -84,7 +84,7 @@ def _shape(surface: BSplineSurface, grid: Grid) -> ShapeOperator:
 
 
 def _largest(realised: ShapeOperator, curvature: DesignedCurvature, grid: Grid, rms: float, unit: str) -> dict[str, float]:
-    # The laws are functions of x alone: once a column, not once a place.
+    # The laws are functions of x alone: once a column, not once a point.
     column = curvature.shape(grid.cells_x)
     rows, _ = np.nonzero(grid.inside)
     edge = curvature.shape(grid.x[grid.edge])

@@ -13,7 +13,7 @@ from mirror_studio.report.stages import numerical_stages
 from mirror_studio.report.tables import Table
 from raytrace.measures.registry import registered
 
-Place = tuple[float, float]
+Point = tuple[float, float]
 Side = Literal["size", "least", "most"]
 
 
@@ -30,7 +30,7 @@ class Requirement:
     unit: str
     limit: float | None
     actual: float
-    place: Place | None = None
+    point: Point | None = None
     side: Side = "size"
 
     @property
@@ -63,7 +63,7 @@ def verdict_rows_table(rows: list[Requirement]) -> Table:
         "group": [row.group for row in rows], "requirement": [row.name for row in rows], "unit": [row.unit for row in rows],
         "side": [row.side for row in rows], "limit": [row.limit for row in rows],
         "actual": [row.actual for row in rows], "margin": [row.margin for row in rows],
-        "x_mm": [row.place and row.place[0] for row in rows], "y_mm": [row.place and row.place[1] for row in rows],
+        "x_mm": [row.point and row.point[0] for row in rows], "y_mm": [row.point and row.point[1] for row in rows],
         "met": [row.met for row in rows]})
 
 
@@ -85,7 +85,7 @@ def view_requirements(mirror: Mirror, metrics: Metrics) -> list[Requirement]:
     return rows
 
 
-def _curvature(found: QuantityDeviation, limit_percent: float | None) -> tuple[str, float | None, float, Place]:
+def _curvature(found: QuantityDeviation, limit_percent: float | None) -> tuple[str, float | None, float, Point]:
     if found.max_percent is None:
         return "1/m", None, found.max_per_m, found.max_at_mm
     return "%", limit_percent, found.max_percent, found.max_at_mm

@@ -98,7 +98,7 @@ def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tu
         return name, measured
     try:
         mirror = on_vehicle(name, reflector, scene, spec)
-        on_road = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.own))
+        on_road = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
         on_road.views  # noqa: B018  an eye that cannot look into it is refused here
     except TraceError as error:
         raise TraceError(f"{name}: {error}") from None

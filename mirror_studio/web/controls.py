@@ -121,10 +121,10 @@ def laws() -> dict[str, dict[str, Any]]:
     """
     found = {}
     for name, law in registered().items():
-        own = {key: field for key, field in law.model_fields.items() if key not in ({"law"} | Law.horizontal_only)}
-        points = [{"key": key, "at": shown.drag, "label": shown.label} for key, field in own.items()
+        keys = {key: field for key, field in law.model_fields.items() if key not in ({"law"} | Law.horizontal_only)}
+        points = [{"key": key, "at": shown.drag, "label": shown.label} for key, field in keys.items()
                   if (shown := _shown(field)).drag]
-        starts = {key: _start(field) for key, field in own.items()}
+        starts = {key: _start(field) for key, field in keys.items()}
         found[name] = {"open": law.open_key if issubclass(law, Matched) else None, "points": points,
                        "start": {key: start for key, start in starts.items() if start is not None}}
     return found
@@ -145,10 +145,10 @@ def _law(section: str, axis: str) -> tuple[Control, ...]:
             found[control.key] = replace(before or control, law=(*(before.law if before else ()), name))
     everywhere = [replace(control, law=()) if len(control.law) == len(names) else control for control in found.values()]
     beside = [control for control in everywhere if control.key.split(".")[1] in Law.horizontal_only]
-    own = [control for control in everywhere if control not in beside]
+    of_law = [control for control in everywhere if control not in beside]
     # What is solved for stands next to the keys that it is solved by.
     beside.sort(key=lambda control: not control.law)
-    return (Control(f"{section}.law", "Law", "choice", choices=names), *own, *(beside if section == "horizontal" else ()))
+    return (Control(f"{section}.law", "Law", "choice", choices=names), *of_law, *(beside if section == "horizontal" else ()))
 
 
 def _keys(model: type[BaseModel], before: str, axis: str = "", given: bool = False) -> Iterator[Control]:

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,10 @@ from mirror_cad.outline import Outline
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_studio.as_json import Json
 from mirror_studio.viewing_setup import ViewingSetup
+from mirror_studio.web.mirror_pose import MirrorPose, aimed
 from mirror_studio.web.protocol import ViewSettings
-from mirror_studio.web.turned import Turn, aimed
 from raytrace.image import photograph
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import lane_straightness_percent
@@ -61,7 +61,7 @@ class Designed:
     """A designed mirror with what the page shows of it. The expensive parts are made when first asked for."""
 
     mirror: Mirror
-    setting: ViewingSetup
+    setup: ViewingSetup
     picture: Picture
     reflector: Reflector
 
@@ -93,21 +93,21 @@ class Designed:
                 "kx_max_percent": total.kx.max_percent, "ky_max_percent": total.ky.max_percent,
                 "shape_rms_percent": total.shape.rms_percent}
 
-    def figures(self, turn: Turn) -> dict[str, Any]:
+    def figures(self, turn: MirrorPose) -> dict[str, Json]:
         """The figures of metrics.json, under its names: fields of view in degrees, lane straightness in percent."""
-        mirror, eye = self.mirror, turn.to_mirror(self.setting.eye)
+        mirror, eye = self.mirror, turn.to_mirror(self.setup.eye)
         surface = self.reflector.surface
         section = mirror.section_fields_of_view()
         traced = traced_fields_of_view(surface, eye, mirror.box, mirror.left_height_mm)
         return {"h_fov_deg": {"section": math.degrees(section[0]), "traced": _finite(math.degrees(traced[0]))},
                 "v_fov_left_deg": {"section": math.degrees(section[1]), "traced": _finite(math.degrees(traced[1]))},
                 "lane_straightness_percent": {
-                    "traced": lane_straightness_percent(surface, eye, turn.lane(self.setting.lane), mirror.box)}}
+                    "traced": lane_straightness_percent(surface, eye, turn.lane(self.setup.lane), mirror.box)}}
 
-    def measures(self, turn: Turn) -> list[dict[str, str | float | None]]:
+    def measures(self, turn: MirrorPose) -> list[dict[str, str | float | None]]:
         """The registered measures of the mirror alone that `figures` does not have, as the page shows them."""
-        use = self.setting.in_use(self.reflector, self.mirror)
-        seen = replace(use, setup=replace(use.setup, eye=turn.to_mirror(self.setting.eye)))
+        use = self.setup.in_use(self.reflector, self.mirror)
+        seen = replace(use, setup=replace(use.setup, eye=turn.to_mirror(self.setup.eye)))
         return [{"name": name, "title": one.title, "unit": one.unit, "decimals": one.decimals, "definition": one.definition,
                  "value": one.value(seen)} for name, one in measures_of(seen, "setup").items() if name not in IN_FIGURES]
 
@@ -120,11 +120,11 @@ class Designed:
             result[f"r{axis}_smallest_mm"] = _radius(kappa.flat[int(np.argmax(np.abs(kappa)))])
         return result
 
-    def ground(self, turn: Turn, eye: Array) -> Array:
+    def ground(self, turn: MirrorPose, eye: Array) -> Array:
         """Where the rays by way of the outline land on the reference plane, (n, 2) mm; NaN where they do not."""
         outline = self.maps["outline"]
         points, directions = self.reflector.surface.reflected_at(turn.to_mirror(eye), outline[:, 0], outline[:, 1])
-        return _land(turn, points, directions, self.setting.plane_z_mm)
+        return _land(turn, points, directions, self.setup.plane_z_mm)
 
 
 @lru_cache(maxsize=CACHED)
@@ -132,12 +132,12 @@ def designed(spec: MirrorSpec) -> Designed:
     """Design a mirror and make ready what is seen in it. Raises: MirrorError."""
     picture = _picture(spec.scene.image)
     mirror = design(spec)
-    setting = ViewingSetup.of(spec, mirror.box)
+    setup = ViewingSetup.of(spec, mirror.box)
     loops, trimming = _trimming(mirror.outline)
     face = BSplineFace(mirror.surface, loops)
     face.__dict__["trimming"] = trimming  # the one that it would make of the same loops
     surface = Plate(BSplineFace(mirror.front, loops), face, spec.glass.index) if spec.glass.reflecting == "back" else face
-    return Designed(mirror, setting, picture, Reflector(surface))
+    return Designed(mirror, setup, picture, Reflector(surface))
 
 
 @lru_cache(maxsize=4)
@@ -163,29 +163,36 @@ def _shown(outline: Outline) -> Array:
 class Shown:
     """What a request is answered with: JPEG pictures and arrays by name, the rest as JSON holds it."""
 
-    header: dict[str, Any]
+    header: dict[str, Json]
     pictures: dict[str, bytes]
     arrays: dict[str, Array]
 
 
-def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflector | None = None,
+def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, users_mirror: Reflector | None = None,
          progress: Callable[[float], None] | None = None) -> Shown:
     """Design, look and measure. `fine`: with every edge smoothed and the deviations from the laws, which takes longer.
 
-    own : another reflector in mirror coordinates, shown beside the design at equal aim: the ray to the middle of its box is
-    reflected where the design sends that to its own.
-    Raises: MirrorError for a design that cannot be, or that the eye does not see; what `progress` raises.
+    Parameters
+    ----------
+    users_mirror
+        Another reflector in mirror coordinates, shown beside the design at equal aim: the ray to the middle of its box is
+        reflected where the design sends that to its middle.
+
+    Raises
+    ------
+    MirrorError
+        For a design that cannot be, or that the eye does not see; and what `progress` raises.
     """
     start = time.perf_counter()
     one = designed(spec)
-    turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
-    eyes = eyes_of(one.setting.eye, look)
+    turn = MirrorPose(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
+    eyes = eyes_of(one.setup.eye, look)
     figures = one.figures(turn)
     arrays = one.maps | {f"ground{number}": one.ground(turn, eye) for number, eye in enumerate(eyes)}
     middle = time.perf_counter()
-    scene = one.setting.scene(one.picture, spec)
+    scene = one.setup.scene(one.picture, spec)
     samples, quality = (FINE_SAMPLES, FINE_QUALITY) if fine else (QUICK_SAMPLES, QUICK_QUALITY)
-    seen = mirrors_in_view(one, turn, own)
+    seen = mirrors_in_view(one, turn, users_mirror)
     width, height = (look.width, look.height) if fine else map(min, (look.width, look.height), QUICK_ROOM)
     layout, framed = laid_out([box for _, _, box in seen], len(eyes), width, height)
     pictures, frames = {}, dict(zip(("picture", "own"), framed, strict=False))
@@ -195,7 +202,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflecto
             pictures[f"{name}{number}"] = jpeg(view, quality)
     end = time.perf_counter()
     header = described(one, fine) | {
-        "figures": figures, "measures": one.measures(turn), "plane_z_mm": one.setting.plane_z_mm,
+        "figures": figures, "measures": one.measures(turn), "plane_z_mm": one.setup.plane_z_mm,
         "eyes_mm": [turn.to_mirror(eye).tolist() for eye in eyes],
         "frames": {name: [frame.left, frame.top, frame.pixel, frame.columns, frame.rows] for name, frame in frames.items()},
         "scene_mm": list(scene.bounds()), "layout": layout,
@@ -205,7 +212,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, own: Reflecto
     return Shown(header, pictures, arrays)
 
 
-def described(one: Designed, fine: bool) -> dict[str, Any]:
+def described(one: Designed, fine: bool) -> dict[str, Json]:
     """What an answer says of a design, whatever is seen in it."""
     mirror = one.mirror
     return {"radii": one.radii(), "box_mm": list(mirror.box), "notes": list(mirror.notes),
@@ -251,14 +258,14 @@ def jpeg(picture: Picture, quality: int) -> bytes:
     return buffer.getvalue()
 
 
-def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
+def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Json] | None:
     """What the ray through (x, y) mm of the picture plane does.
 
     Where it meets the mirror and lands, and by how much the mirror magnifies far things there against a flat one, across and
     up; None where it meets no mirror.
     """
-    turn = Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
-    eyes = eyes_of(one.setting.eye, look)
+    turn = MirrorPose(math.radians(look.yaw_deg), math.radians(look.pitch_deg))
+    eyes = eyes_of(one.setup.eye, look)
     pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way
     view = View(one.reflector, pose, STRAIGHT @ eyes[min(eye, len(eyes) - 1)])
     places = np.array([[x, y]])
@@ -266,7 +273,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()
-    landed = _land(turn, sight.on_mirror, pose.directions_to_mirror(sight.directions), one.setting.plane_z_mm)[0]
+    landed = _land(turn, sight.on_mirror, pose.directions_to_mirror(sight.directions), one.setup.plane_z_mm)[0]
     return {"mirror_mm": sight.on_mirror[0].tolist(), "across": _finite(float(far.horizontal[0])),
             "up": _finite(float(far.vertical[0])), "landed_mm": landed.tolist() if np.isfinite(landed).all() else None}
 
@@ -274,30 +281,30 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def mirrors_in_view(one: Designed, turn: Turn, own: Reflector | None) -> list[tuple[Reflector, Turn, Box]]:
-    """The design, and the own mirror if there is one: how each stands, and its box."""
-    beside = [] if own is None else [(own, *own_turn(one, turn, own))]
+def mirrors_in_view(one: Designed, turn: MirrorPose, users_mirror: Reflector | None) -> list[tuple[Reflector, MirrorPose, Box]]:
+    """The design, and the user's mirror if there is one: how each stands, and its box."""
+    beside = [] if users_mirror is None else [(users_mirror, *pose_of_users_mirror(one, turn, users_mirror))]
     return [(one.reflector, turn, one.mirror.box), *beside]
 
 
-def own_turn(one: Designed, turn: Turn, own: Reflector) -> tuple[Turn, Box]:
+def pose_of_users_mirror(one: Designed, turn: MirrorPose, users_mirror: Reflector) -> tuple[MirrorPose, Box]:
     """How the other reflector stands and its box, as `show` says. Raises: TraceError where the eye's ray misses it."""
     from raytrace.errors import TraceError
 
-    box = box_of(own)
+    box = box_of(users_mirror)
     centre = np.array([0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])])
-    above = np.array([[centre[0], centre[1], float(own.outline()[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
-    met = reflect(own, above[0], np.array([[0.0, 0.0, -1.0]]))
+    above = np.array([[centre[0], centre[1], float(users_mirror.outline()[:, 2].max()) + one.mirror.spec.eye.distance_mm]])
+    met = reflect(users_mirror, above[0], np.array([[0.0, 0.0, -1.0]]))
     if met.status[0] != Status.REFLECTED:
         raise TraceError(f"the uploaded mirror does not reflect at the middle of its box, ({centre[0]:.1f}, {centre[1]:.1f}) "
                          "mm, seen along −z: is it in mirror coordinates?")
     x, y = (0.5 * (one.mirror.box[i] + one.mirror.box[i + 1]) for i in (0, 2))
-    place, out = one.reflector.surface.reflected_at(turn.to_mirror(one.setting.eye), np.array([x]), np.array([y]))
-    stood = aimed(met.points[0], met.normals[0], turn.to_scene(place[0]), one.setting.eye, out[0] @ turn.rotation.T)
+    place, out = one.reflector.surface.reflected_at(turn.to_mirror(one.setup.eye), np.array([x]), np.array([y]))
+    stood = aimed(met.points[0], met.normals[0], turn.to_scene(place[0]), one.setup.eye, out[0] @ turn.rotation.T)
     return stood, box
 
 
-def _land(turn: Turn, points: Array, directions: Array, z_mm: float) -> Array:
+def _land(turn: MirrorPose, points: Array, directions: Array, z_mm: float) -> Array:
     """Where rays in the mirror's coordinates meet the plane z = z_mm of the scene, (n, 2) mm."""
     return landed(turn.to_scene(points), directions @ turn.rotation.T, z_mm)[:, :2]
 

@@ -6,11 +6,12 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_studio.as_json import Json
 from mirror_studio.drive.in_plan import footprint, without_cuts
 from mirror_studio.drive.mirrors import DrivenMirror, on_vehicle
 from mirror_studio.drive.pictures import World
@@ -68,9 +69,9 @@ def driven(one: Designed, stand: MountParameters) -> DrivenMirror:
     return on_vehicle(spec.name, one.reflector, scene_for(stand), spec)
 
 
-def driven_own(own: Reflector, stand: MountParameters) -> DrivenMirror:
-    """The designer's own mirror at equal aim."""
-    return on_vehicle("your mirror", own, scene_for(stand))
+def driven_users_mirror(users_mirror: Reflector, stand: MountParameters) -> DrivenMirror:
+    """The user's mirror at equal aim."""
+    return on_vehicle("your mirror", users_mirror, scene_for(stand))
 
 
 # --- the world --------------------------------------------------------------------------------------------------------
@@ -100,15 +101,15 @@ def world(report: Callable[[str], None]) -> World:
 
 
 @lru_cache(maxsize=1)
-def surroundings(made: World) -> dict[str, Any]:
+def surroundings(made: World) -> dict[str, Json]:
     """What a plan shows around the ground that is seen, m: the road's edges and lines, the own vehicle, the others."""
     scene = load_scene(DEFAULT)
-    own, road = scene.own_vehicle, scene.road
+    host, road = scene.own_vehicle, scene.road
     return {"road_m": [road.left_m, road.right_m] if road else None,
             "lines": [{"y_m": line.y_m, "yellow": line.colour == "yellow",
                        "dash_m": [line.dash_m, line.period_m] if line.dash_m and line.period_m else None}
                       for line in (road.line if road else ())],
-            "own_m": [own.front_m, own.rear_m, -0.5 * own.width_m, 0.5 * own.width_m],
+            "own_m": [host.front_m, host.rear_m, -0.5 * host.width_m, 0.5 * host.width_m],
             "bodies": [{"name": name, "corners_m": (footprint(body.vertices) / MM).tolist()}
                        for name, body in made.named if name]}
 
@@ -129,19 +130,19 @@ class Ground:
     """
 
     outlines: dict[str, Array]
-    figures: dict[str, Any]
+    figures: dict[str, Json]
 
 
 @lru_cache(maxsize=KEPT)
 def ground(mirror: DrivenMirror, stand: MountParameters) -> Ground:
     """What a mirror shows of the ground: `raytrace.measures.ground` and `.blind_zone`, as `mirror-cad drive` measures it."""
     asked = scene_for(stand).measured
-    left, right, own = mirror.views.left, mirror.views.right, mirror.own
-    seen = seen_ground(left, right, own)
-    widths = seen_widths(left, right, own, tuple(MM * at for at in asked.widths_at_m))
-    nearest, _ = nearest_at_flank(left, right, own)
+    left, right, host = mirror.views.left, mirror.views.right, mirror.host
+    seen = seen_ground(left, right, host)
+    widths = seen_widths(left, right, host, tuple(MM * at for at in asked.widths_at_m))
+    nearest, _ = nearest_at_flank(left, right, host)
     lane = NearLane(MM * asked.lane_m[0], MM * asked.lane_m[1])
-    blind = blind_along(left, right, own, lane, 0.0, float(np.radians(asked.direct_view_deg)))
+    blind = blind_along(left, right, host, lane, 0.0, float(np.radians(asked.direct_view_deg)))
     return Ground({"seen_left": _apart([without_cuts(one) for one in seen.left.outlines]),
                    "seen_right": _apart([without_cuts(one) for one in seen.right.outlines]),
                    "seen_both": _apart(seen.both.outlines)},

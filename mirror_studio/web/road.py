@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.spec import MirrorSpec
+from mirror_studio.as_json import Json
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, World, camera_at, cones_of, eye_picture
 from mirror_studio.drive.world import HOUSING, MM, housing_body
@@ -28,9 +28,9 @@ from mirror_studio.web.engine import (
     jpeg,
     size_of,
 )
-from mirror_studio.web.motorway import MountParameters, driven, driven_own, ground, surroundings, world
+from mirror_studio.web.mirror_pose import MirrorPose
+from mirror_studio.web.motorway import MountParameters, driven, driven_users_mirror, ground, surroundings, world
 from mirror_studio.web.protocol import ViewSettings
-from mirror_studio.web.turned import Turn
 from raytrace.image import photograph
 from raytrace.reflector import Reflector
 from raytrace.scene.bodies import Body
@@ -83,23 +83,23 @@ class _Past:
         return found
 
 
-def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None, report: Report,
+def show(spec: MirrorSpec, look: ViewSettings, fine: bool, users_mirror: Reflector | None, report: Report,
          early: Callable[[Shown], None] | None = None) -> Shown:
     """Design, put on the vehicle, aim and look.
 
     A draft has as many pixels as DRAFT_MS make; `fine` is the picture that `mirror-cad drive` takes, with the ground that is
     seen and its figures, which `early` gets before the picture is begun.
 
-    own : another reflector, shown beside the design at equal aim.
+    users_mirror : another reflector, shown beside the design at equal aim.
     Raises: MirrorError for a design that cannot be, or an aim that cannot be met; what `report` raises.
     """
     start = time.perf_counter()
     one, stand = designed(spec), MountParameters.of(look)
     mirror = driven(one, stand)
-    seen = {"picture": mirror} if own is None else {"picture": mirror, "own": driven_own(own, stand)}
-    figures = one.figures(Turn(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
+    seen = {"picture": mirror} if users_mirror is None else {"picture": mirror, "own": driven_users_mirror(users_mirror, stand)}
+    figures = one.figures(MirrorPose(math.radians(look.yaw_deg), math.radians(look.pitch_deg)))
     pose = mirror.pose
-    road: dict[str, Any] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
+    road: dict[str, Json] = {"yaw_deg": math.degrees(pose.yaw), "pitch_deg": math.degrees(pose.pitch), "hand": pose.hand,
                             "eyes_m": [(eye / MM).tolist() for eye in (mirror.eyes.left, mirror.eyes.right)],
                             "mirror_m": (pose.to_vehicle(np.zeros(3)) / MM).tolist()}
     arrays = dict(one.maps)
@@ -128,7 +128,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool, own: Reflector | None
         pictures[f"{name}{number}"] = jpeg(picture, FINE_QUALITY if fine else QUICK_QUALITY)
     end = time.perf_counter()
     header = described(one, fine) | {
-        "figures": figures, "plane_z_mm": one.setting.plane_z_mm, "road": road, "cameras": cameras, "layout": layout,
+        "figures": figures, "plane_z_mm": one.setup.plane_z_mm, "road": road, "cameras": cameras, "layout": layout,
         "sizes_mm": {name: size_of(each.views.middle.box) for name, each in seen.items()},
         "eyes_mm": [view.eye_in_mirror.tolist() for view in views_of(mirror, look)],
         "ms": {"design": 1e3 * (middle - start), "picture": 1e3 * (end - middle)}}
@@ -199,7 +199,7 @@ def _plain(shell: SurfaceMesh, pose: Pose) -> Body:
 # --- under the pointer ------------------------------------------------------------------------------------------------
 
 
-def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Any] | None:
+def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> dict[str, Json] | None:
     """What the ray through (x, y) mm of the mirror's picture plane does.
 
     Where it meets the mirror, by how much the mirror magnifies far things there against a flat one, and what it meets on the
@@ -218,7 +218,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
             "road": met(world(lambda text: None), sight.points[0], sight.directions[0])}
 
 
-def met(made: World, start: Array, way: Array) -> dict[str, Any]:
+def met(made: World, start: Array, way: Array) -> dict[str, Json]:
     """What a ray (3,), (3,) meets: its name, and X behind the eyes, Y to the right and Z above the ground, m."""
     hits = made.lit.scene.first_hits(start, way[None])
     triangle, away = int(hits.triangle[0]), float(hits.distance[0])
@@ -226,7 +226,7 @@ def met(made: World, start: Array, way: Array) -> dict[str, Any]:
     if triangle >= 0 and away < ground_away:
         ends = np.cumsum([len(body.faces) for body in made.bodies])
         number = int(np.searchsorted(ends, triangle, "right"))
-        what = made.named[number][0] or ("own vehicle" if number < made.own else "roadside")
+        what = made.named[number][0] or ("own vehicle" if number < made.host_bodies else "roadside")
     elif math.isfinite(ground_away):
         away, what = ground_away, "ground"
         side = float(start[1] + away * way[1])

@@ -237,8 +237,8 @@ async def _picture(shared: Shared, request: Request) -> Response:
     from mirror_studio.web.pictures import driver_picture
 
     checked, look = await _asked(shared, request)
-    own = None if look.own is None else shared.uploads.reflector(look.own)
-    made = await asyncio.get_running_loop().run_in_executor(shared.slow, driver_picture, checked, look, own)
+    users_mirror = None if look.own is None else shared.uploads.reflector(look.own)
+    made = await asyncio.get_running_loop().run_in_executor(shared.slow, driver_picture, checked, look, users_mirror)
     return Response(made, media_type="image/png")
 
 
@@ -290,10 +290,10 @@ class Guarded:
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         origin = headers.get("origin")
-        own = headers.get("host") in self._hosts
+        from_page = headers.get("host") in self._hosts
         # A browser always states the origin of another page that opens a connection or sends something; one that states none
         # is no page.
-        own = own and (origin is None or origin in {f"http://{host}" for host in self._hosts})
+        from_page = from_page and (origin is None or origin in {f"http://{host}" for host in self._hosts})
 
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -301,7 +301,7 @@ class Guarded:
                                       *((name.lower().encode(), value.encode()) for name, value in HEADERS.items())]
             await send(message)
 
-        if own:
+        if from_page:
             await self._app(scope, receive, with_headers if scope["type"] == "http" else send)
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})  # before it is accepted: answered with 403

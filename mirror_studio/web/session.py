@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fastapi import WebSocket, WebSocketDisconnect
 
@@ -37,12 +37,13 @@ from mirror_studio.web.uploads import Uploads
 
 if TYPE_CHECKING:
     from mirror_cad.spec import MirrorSpec
+    from mirror_studio.as_json import Json
     from mirror_studio.web.engine import Designed, Shown
 
 T = TypeVar("T")
 
 SEND_SECONDS = 30.0  # a page that has not read for so long is gone
-OWN_IS_GONE = "your own mirror is no longer here: bring it in again to see it beside the design"
+USERS_MIRROR_IS_GONE = "your own mirror is no longer here: bring it in again to see it beside the design"
 WRONG_SHAPE, GONE = 1008, 1011  # WebSocket close codes: policy violation, internal error
 
 
@@ -166,7 +167,7 @@ class Session:
         spec = as_spec(message.spec, self._shared.uploads)
         shown = self._seen(spec, message.look, message.fine, reports)
         if no_sphere(message.spec):
-            shown.header["notes"] = [*shown.header["notes"], NO_SPHERE]
+            shown.header["notes"] = [*cast("list[Json]", shown.header["notes"]), NO_SPHERE]
         self._shown = engine.designed(spec), message.look
         _loaded()
         return pack(common | {"type": "shown"} | shown.header, shown.pictures, shown.arrays)
@@ -174,17 +175,17 @@ class Session:
     def _seen(self, spec: MirrorSpec, look: ViewSettings, fine: bool, reports: Reports) -> Shown:
         from mirror_studio.web import engine
 
-        own = None
+        users_mirror = None
         if look.own is not None and self._shared.uploads.has(look.own):
-            own = self._shared.uploads.reflector(look.own)
+            users_mirror = self._shared.uploads.reflector(look.own)
         if look.view == "picture":
-            shown = engine.show(spec, look, fine, own, reports.stop)
+            shown = engine.show(spec, look, fine, users_mirror, reports.stop)
         else:
             from mirror_studio.web import road  # with the motorway, which is not read before it is asked for
 
-            shown = road.show(spec, look, fine, own, reports.report, reports.early)
-        if look.own is not None and own is None:
-            shown.header["notes"] = [*shown.header["notes"], OWN_IS_GONE]
+            shown = road.show(spec, look, fine, users_mirror, reports.report, reports.early)
+        if look.own is not None and users_mirror is None:
+            shown.header["notes"] = [*cast("list[Json]", shown.header["notes"]), USERS_MIRROR_IS_GONE]
         return shown
 
     async def _pinned(self, message: Pinned) -> None:

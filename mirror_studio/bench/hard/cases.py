@@ -15,7 +15,7 @@ from mirror_cad.errors import MirrorError, OutlineError, ProfileError, SolidErro
 from mirror_studio.bench.hard.case import Case, Figure, Refusal
 from mirror_studio.bench.hard.chain import make
 from mirror_studio.bench.hard.figures import THICKNESS
-from mirror_studio.bench.hard.runs import decoupled, euler, faithful, faithful_exact, far_away, million_places
+from mirror_studio.bench.hard.runs import decoupled, euler, faithful, faithful_exact, far_away, million_points
 from mirror_studio.bench.hard.sheets import Array, Decoupled, Law, Sphere
 from mirror_studio.bench.hard.specs import (
     FLAT,
@@ -156,7 +156,7 @@ def _laws() -> list[Case]:
               kappa("0.001*(1 + 0.5*sin(4*pi*x))"), c(1250.0), lambda x: 0.001 * (1.0 + 0.5 * np.sin(4.0 * np.pi * x)),
               percent=150.0, position_mm=1e-4, met=False,
               reason="the waves are ±100 % of κ where it is lowest; the report has to say missed"),
-        _made("hole in a formula", "0/0 at one place", kappa("0.001*(x - 20)/(x - 20)"), c(1250.0), 0.001),
+        _made("hole in a formula", "0/0 at one point", kappa("0.001*(x - 20)/(x - 20)"), c(1250.0), 0.001),
         _made("vertical radius falling from 1250 to 200 mm", "beside the mirror the circles would be lower than it", c(1250.0),
               linear(1250.0, 200.0), upright=lambda x: 1.0 / (1250.0 - 1050.0 * t_of(x)), breaks=(-115.0,)),
     ]
@@ -253,7 +253,7 @@ def _places_and_outlines() -> list[Case]:
         Case("origin 20 m away", "vehicle coordinates: moved by build123d to (20000, 800, −1000) mm and turned", far_away),
         _with_outline(_refused("outline file 20 m away", "an outline is in mirror coordinates", c(1250.0), c(900.0),
                                OutlineError, "beyond the blank", "20080.0", sections=file), SQUARE + away),
-        Case("a million places", "time and memory of evaluation", million_places),
+        Case("a million points", "time and memory of evaluation", million_points),
         _made("outline touches the blank", "no glass left beside the outline", c(1250.0), c(900.0), sections={
             "blank": {"width_mm": 230.0, "height_mm": 340.0}}),
         _made("corners of 0.1 mm", "arcs a thousandth of the sides", c(1250.0), c(900.0),
@@ -370,7 +370,7 @@ def _impossible() -> list[Case]:
         _refused("table with a NaN", "not a number in row 2",
                  {"law": "table", "x_mm": [0.0, 5.0], "curvature_per_mm": [0.001, math.nan]}, c(1250.0), SpecError,
                  "horizontal.curvature_per_mm"),
-        _refused("table that turns back", "two rows at one place",
+        _refused("table that turns back", "two rows at one point",
                  {"law": "table", "x_mm": [0.0, 5.0, 5.0], "radius_mm": [900.0, 900.0, 800.0]}, c(1250.0), SpecError,
                  "must rise", "row 3"),
         _refused("radius through infinity", "linear from 900 to −900 mm passes 0", linear(900.0, -900.0), c(1250.0), SpecError,

@@ -18,7 +18,7 @@ from mirror_cad.spec.file import validate_spec
 from mirror_studio.bench.hard.sheets import Array
 from mirror_studio.bench.hard.specs import Spec
 
-PLACES = 3000  # at random inside the outline, seed fixed, where curvature and height are compared
+SAMPLES = 3000  # at random inside the outline, seed fixed, where curvature and height are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +65,12 @@ def make(folder: Path, raw: Spec) -> Made:
     return Made(mirror, deviation, step, stl, spline)
 
 
-def places(mirror: Mirror, breaks: Sequence[float] = (), clear_mm: float = 0.0) -> tuple[Array, Array]:
-    """PLACES inside the outline and off the breaks."""
+def sample_points(mirror: Mirror, breaks: Sequence[float] = (), clear_mm: float = 0.0) -> tuple[Array, Array]:
+    """SAMPLES inside the outline and off the breaks."""
     x_min, x_max, y_min, y_max = mirror.box
     rng = np.random.default_rng(20)
-    x, y = rng.uniform(x_min, x_max, 4 * PLACES), rng.uniform(y_min, y_max, 4 * PLACES)
+    x, y = rng.uniform(x_min, x_max, 4 * SAMPLES), rng.uniform(y_min, y_max, 4 * SAMPLES)
     keep = mirror.outline.contains(x, y)
     for b in breaks:
         keep &= np.abs(x - b) > clear_mm
-    return x[keep][:PLACES], y[keep][:PLACES]
+    return x[keep][:SAMPLES], y[keep][:SAMPLES]

@@ -50,7 +50,7 @@ def mesh_figures(made: Made, sheet: Sheet, position_mm: float) -> list[Figure]:
     """The STL file's optical facets against the sheet, which the surface may miss, and whether its triangles close."""
     mirror = made.mirror
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    stored = np.frombuffer(made.stl.read_bytes()[84:], dtype=record)["corners"] + np.float32(0.0)  # −0 and 0 are one place
+    stored = np.frombuffer(made.stl.read_bytes()[84:], dtype=record)["corners"] + np.float32(0.0)  # −0 and 0 are one point
     corners = stored.astype(np.float64)
     faces = np.unique(stored.reshape(-1, 3).view("V12"), return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -122,7 +122,7 @@ def _inside(mirror: Mirror) -> tuple[Array, Array, Array]:
 
 
 def ray_figures(made: Made, sheet: Sheet, x: Array, y: Array) -> list[Figure]:
-    """Rays from the eye to places of the sheet, traced on the STEP file: their directions after reflection."""
+    """Rays from the eye to points of the sheet, traced on the STEP file: their directions after reflection."""
     from raytrace import load_reflector, reflect
     from raytrace.viewing.eye import eye_position
 

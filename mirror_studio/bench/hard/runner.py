@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
 
 from mirror_cad.errors import MirrorError
 from mirror_studio.bench.hard.case import Case, Figure, Refusal
+from mirror_studio.bench.table import Row
 from mirror_studio.progress import Progress
-
-Row = dict[str, Any]
 
 LONGEST_WAIT = 12.0  # times the limit by the clock, for a case that waits without working
 AT_ONCE = 2

@@ -11,7 +11,7 @@ import numpy as np
 
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.bench.hard.case import Figure
-from mirror_studio.bench.hard.chain import make, mirror_of, places
+from mirror_studio.bench.hard.chain import make, mirror_of, sample_points
 from mirror_studio.bench.hard.figures import (
     ARCSEC,
     ASKED,
@@ -34,7 +34,7 @@ def decoupled(folder: Path, raw: Spec, across: Law, upright: Law, level_mm: floa
     """The chain for a decoupled mirror of the laws `across` and `upright`, which the specification spells."""
     made = make(folder, raw)
     sheet = Decoupled(across, upright, level_mm, breaks, *made.mirror.box[:2])
-    x, y = places(made.mirror, breaks, clear_mm if isinstance(upright, float) else 3.0 * STEP_MM)
+    x, y = sample_points(made.mirror, breaks, clear_mm if isinstance(upright, float) else 3.0 * STEP_MM)
     figures = [*surface_figures(made, sheet, x, y, percent, position_mm, reason), verdict_figure(made, met),
                *mesh_figures(made, sheet, position_mm), thickness_figure(made, sheet)]
     if traced:
@@ -45,7 +45,7 @@ def decoupled(folder: Path, raw: Spec, across: Law, upright: Law, level_mm: floa
 def faithful_exact(folder: Path, raw: Spec, sheet: Sheet) -> list[Figure]:
     """Laws that a surface can have both of, in closed form: least squares has to find it."""
     made = make(folder, raw)
-    x, y = places(made.mirror)
+    x, y = sample_points(made.mirror)
     return [*surface_figures(made, sheet, x, y, CURVATURE_PERCENT, POSITION_MM, ASKED), verdict_figure(made, True),
             *mesh_figures(made, sheet, POSITION_MM), thickness_figure(made, sheet)]
 
@@ -53,7 +53,7 @@ def faithful_exact(folder: Path, raw: Spec, sheet: Sheet) -> list[Figure]:
 def faithful(folder: Path, raw: Spec, across: Law, upright: Law, breaks: tuple[float, ...] = ()) -> list[Figure]:
     """Other laws: the shape operator has to come nearer to the design than the decoupled surface's does."""
     made = make(folder, raw)
-    x, y = places(made.mirror, breaks, 3.0 * STEP_MM)
+    x, y = sample_points(made.mirror, breaks, 3.0 * STEP_MM)
     sheet = Decoupled(across, upright, 0.0, breaks, *made.mirror.box[:2])
     kx, ky = sheet.laws(x)
 
@@ -79,13 +79,13 @@ def far_away(folder: Path) -> list[Figure]:
     made = make(folder, spec(ZONES, constant(1250.0)))
     mirror = made.mirror
     part = mirror.to_build123d()
-    place = type(part.location)((20_000.0, 800.0, -1000.0), (10.0, 25.0, -40.0))
+    location = type(part.location)((20_000.0, 800.0, -1000.0), (10.0, 25.0, -40.0))
     path = folder / "moved.step"
-    write_step(path, [Part(part.moved(place).wrapped, "moved")], "moved")
-    motion = place.wrapped.Transformation()
+    write_step(path, [Part(part.moved(location).wrapped, "moved")], "moved")
+    motion = location.wrapped.Transformation()
     matrix = np.array([[motion.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
     turn, shift = matrix[:, :3], matrix[:, 3]
-    x, y = places(mirror)
+    x, y = sample_points(mirror)
     sheet = Decoupled(ZONES_LAW, 1.0 / 1250.0, 0.0, ZONES_BREAKS, *mirror.box[:2])
     points = np.stack([x, y, sheet.height(x, y)], axis=1)
 
@@ -115,8 +115,8 @@ def far_away(folder: Path) -> list[Figure]:
             Figure("curvature", 100.0 * float((miss / designed(sheet, x)).max()), CURVATURE_PERCENT, "%", ASKED)]
 
 
-def million_places(folder: Path) -> list[Figure]:
-    """A point grid of a million rows, and derivatives on 1000 × 1000 places."""
+def million_points(folder: Path) -> list[Figure]:
+    """A point grid of a million rows, and derivatives on 1000 × 1000 points."""
     mirror = mirror_of(spec(constant(1250.0), constant(900.0)), folder)
     sheet = Decoupled(1.0 / 1250.0, 1.0 / 900.0, 0.0, (), *mirror.box[:2])
     tracemalloc.start()

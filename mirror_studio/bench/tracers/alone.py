@@ -68,7 +68,7 @@ def peak_memory(path: str, rays: int, trace: bool) -> dict[str, float]:
 
 
 def _directions(rays: int) -> Any:
-    """Rays to places all over the mirror, written in place: no array but the one that is returned."""
+    """Rays to points all over the mirror, written in place: no array but the one that is returned."""
     import numpy as np
 
     directions = np.empty((rays, 3))

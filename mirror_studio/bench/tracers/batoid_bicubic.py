@@ -21,8 +21,8 @@ def tracers(case: Case) -> Iterator[Tracer]:
     batoid.global_vars._batoid_max_threads = CORES  # its default is what OMP_NUM_THREADS was when it was imported
     x_min, x_max, y_min, y_max = case.mirror.surface.domain
     x, y = (np.linspace(low, high, round((high - low) / GRID_MM) + 1) for low, high in ((x_min, x_max), (y_min, y_max)))
-    places, normals = surface_grid(case.mirror.surface, x, y)
-    z, slope_x, slope_y = (a.reshape(len(y), len(x)) for a in (places[:, 2], -normals[:, 0] / normals[:, 2],
+    points, normals = surface_grid(case.mirror.surface, x, y)
+    z, slope_x, slope_y = (a.reshape(len(y), len(x)) for a in (points[:, 2], -normals[:, 0] / normals[:, 2],
                                                               -normals[:, 1] / normals[:, 2]))
     surface = batoid.Bicubic(x, y, z, slope_x, slope_y)
     yield Tracer(BICUBIC, lambda rays: _bicubic(batoid, surface, rays))

@@ -1,6 +1,6 @@
 """Rays aimed at known points of a mirror and their exact reflections; and meshes of it for the peers.
 
-A ray is aimed at a place of the surface, so its hit is known before anything is traced. Places and slopes come from scipy's
+A ray is aimed at a point of the surface, so its hit is known before anything is traced. Points and slopes come from scipy's
 splines in float64; nothing of the tracer or of its kernels is used.
 """
 
@@ -85,11 +85,11 @@ class Case:
         rows = max(2, round(count / columns))
         x = x_min + (x_max - x_min) * (np.arange(columns) + 0.5) / columns
         y = y_max - (y_max - y_min) * (np.arange(rows) + 0.5) / rows
-        places, normals = surface_grid(self.mirror.surface, x, y)
-        directions = places - self.eye
+        vertices, normals = surface_grid(self.mirror.surface, x, y)
+        directions = vertices - self.eye
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         dot = np.einsum("ij,ij->i", directions, normals)
-        inside = self.mirror.outline.contains(places[:, 0], places[:, 1])
+        inside = self.mirror.outline.contains(vertices[:, 0], vertices[:, 1])
         return Rays(self.eye, directions, directions - 2.0 * dot[:, None] * normals, inside)
 
     def mesh(self, triangles: int) -> Mesh:
@@ -102,9 +102,9 @@ class Case:
         high = [min(box[2 * k + 1] + MESH_MARGIN_MM, domain[2 * k + 1]) for k in range(2)]
         cells_x = max(1, round(np.sqrt(0.5 * triangles * (high[0] - low[0]) / (high[1] - low[1]))))
         cells_y = max(1, round(0.5 * triangles / cells_x))
-        places, normals = surface_grid(self.mirror.surface, np.linspace(low[0], high[0], cells_x + 1),
+        vertices, normals = surface_grid(self.mirror.surface, np.linspace(low[0], high[0], cells_x + 1),
                                        np.linspace(low[1], high[1], cells_y + 1))
-        return Mesh(places, grid_faces(cells_x, cells_y), normals)
+        return Mesh(vertices, grid_faces(cells_x, cells_y), normals)
 
 
 def surface_grid(surface: BSplineSurface, x: Array, y: Array) -> tuple[Array, Array]:
@@ -113,9 +113,9 @@ def surface_grid(surface: BSplineSurface, x: Array, y: Array) -> tuple[Array, Ar
     along_y = BSpline(surface.knots_v, heights.T, surface.degree_v)  # (…, n_u)
     z, z_y = (BSpline(surface.knots_u, values.T, surface.degree_u) for values in (along_y(y), along_y(y, 1)))
     xx, yy = np.meshgrid(x, y)
-    places = np.stack([xx, yy, z(x).T], axis=-1).reshape(-1, 3)
+    vertices = np.stack([xx, yy, z(x).T], axis=-1).reshape(-1, 3)
     normals = np.stack([-z(x, 1).T, -z_y(x).T, np.ones(xx.shape)], axis=-1).reshape(-1, 3)
-    return places, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return vertices, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def grid_faces(cells_x: int, cells_y: int) -> NDArray[np.int32]:

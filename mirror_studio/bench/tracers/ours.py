@@ -48,7 +48,7 @@ def _fresh(reflector: Reflector, rays: Rays) -> Work:
 
 def parametric(mirror: Mirror) -> Reflector:
     """The mirror's surface with other parameters, for the kernel that takes any."""
-    own = mirror.surface
-    surface = BSplineSurface(own.degree_u, own.degree_v, PARAMETER_SCALE * own.knots_u, PARAMETER_SCALE * own.knots_v,
-                             own.poles.copy())
+    face = mirror.surface
+    surface = BSplineSurface(face.degree_u, face.degree_v, PARAMETER_SCALE * face.knots_u, PARAMETER_SCALE * face.knots_v,
+                             face.poles.copy())
     return Reflector(BSplineFace(surface, (PARAMETER_SCALE * mirror.outline.polyline(TRIM_CHORD_MM),)))

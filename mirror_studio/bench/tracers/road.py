@@ -67,9 +67,9 @@ def street(seed: int = 7) -> TriangleWorld:
     _block(b, (1300.0, -450.0, 1500.0), (900.0, 480.0, 2300.0), 180.0, 24, (120, 24, 30))  # our own flank
     _block(b, (1300.0, 180.0, 1900.0), (760.0, 330.0, 1500.0), 150.0, 16, GLASS, taper=0.25)
     lanes = [0.5 * (a + c) for a, c in pairwise(LANES_MM)]
-    places = ((1, 9_000.0), (0, 15_000.0), (2, 17_000.0), (1, 27_000.0), (0, 38_000.0), (1, 52_000.0), (2, 44_000.0),
+    positions = ((1, 9_000.0), (0, 15_000.0), (2, 17_000.0), (1, 27_000.0), (0, 38_000.0), (1, 52_000.0), (2, 44_000.0),
               (0, 70_000.0), (1, 85_000.0), (2, 95_000.0), (0, 120_000.0), (1, 140_000.0))
-    for i, (lane, z) in enumerate(places):
+    for i, (lane, z) in enumerate(positions):
         (_lorry if i in (4, 9) else _car)(b, lanes[lane] + b.rng.uniform(-150.0, 150.0), z, PAINTS[i % len(PAINTS)])
     for z in np.arange(6_000.0, 240_000.0, 7_000.0):
         for x in (-13_500.0, 9_000.0):
@@ -108,11 +108,11 @@ def _block(b: _Builder, centre: tuple[float, float, float], half: tuple[float, f
     inner = np.clip(vertices * size, radius_mm - size, size - radius_mm)
     outward = vertices * size - inner
     length = np.linalg.norm(outward, axis=1, keepdims=True)
-    places = inner + np.divide(radius_mm * outward, length, out=np.zeros_like(outward), where=length > 0.0)
+    vertices = inner + np.divide(radius_mm * outward, length, out=np.zeros_like(outward), where=length > 0.0)
     if rough_mm:
-        places += rough_mm * b.rng.normal(size=places.shape)
-    shrink = 1.0 - taper * np.clip(0.5 + 0.5 * places[:, 1:2] / size[1], 0.0, 1.0)
-    b.add(places * np.hstack([shrink, np.ones_like(shrink), shrink]) + np.array(centre), faces, colour, mottled)
+        vertices += rough_mm * b.rng.normal(size=vertices.shape)
+    shrink = 1.0 - taper * np.clip(0.5 + 0.5 * vertices[:, 1:2] / size[1], 0.0, 1.0)
+    b.add(vertices * np.hstack([shrink, np.ones_like(shrink), shrink]) + np.array(centre), faces, colour, mottled)
 
 
 def _cube(cells: int) -> tuple[Array, NDArray[np.int64]]:
@@ -138,13 +138,13 @@ def _wheels(b: _Builder, x: float, ends: tuple[float, ...], half_track: float, r
         for side in (-half_track, half_track):
             angle = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
             rim = np.stack([np.zeros(32), radius * np.sin(angle), radius * np.cos(angle)], axis=1)
-            places = np.concatenate([rim + [x + side + w, GROUND_MM + radius, z] for w in (-110.0, 110.0)]
+            vertices = np.concatenate([rim + [x + side + w, GROUND_MM + radius, z] for w in (-110.0, 110.0)]
                                     + [np.array([[x + side + w, GROUND_MM + radius, z]]) for w in (-110.0, 110.0)])
             i, j = np.arange(32), (np.arange(32) + 1) % 32
             faces = np.concatenate([np.stack([i, i + 32, j], axis=1), np.stack([j, i + 32, j + 32], axis=1),
                                     np.stack([np.full(32, 64), i, j], axis=1),
                                     np.stack([np.full(32, 65), j + 32, i + 32], axis=1)])
-            b.add(places, faces, TYRE)
+            b.add(vertices, faces, TYRE)
 
 
 def _car(b: _Builder, x: float, z: float, paint: Colour) -> None:

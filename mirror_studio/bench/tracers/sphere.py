@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 RADIUS_MM = 950.0
 HALF_MM = (115.0, 170.0)  # of the part that rays are aimed at
 HALF_ANGLES = (0.14, 0.2)  # of the patch, about the axis y and up: HALF_MM and a little more
-AWAY_MM = 800.0  # from a ray's origin to its place on the sphere
+AWAY_MM = 800.0  # from a ray's origin to its point on the sphere
 
 
 def rays(count: int, least_deg: float, most_deg: float) -> Rays:
-    """Rays that meet the sphere at places and with azimuths at random, with an incidence between the two angles.
+    """Rays that meet the sphere at points and with azimuths at random, with an incidence between the two angles.
 
     Their exact reflections by the quadratic formula in extended precision, from the float64 rays as they are traced.
     """

@@ -20,7 +20,7 @@ AIMED = 1e-12  # radians between where two mirrors' centres look
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
+class MirrorPose:
     """A place of a turned mirror, p, stands in the scene at `centre` + R·(p − pivot), R = Ry(yaw)·Rx(−pitch).
 
     As a `Pose` turns it.
@@ -68,7 +68,7 @@ class TurnedScene:
     """A scene as a turned mirror's rays meet it."""
 
     scene: Scene
-    turn: Turn
+    turn: MirrorPose
 
     def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
         """As `Scene`: everything is turned into the scene first."""
@@ -86,7 +86,7 @@ class TurnedScene:
 class TurnedLane(StraightLane):
     """A lane as a turned mirror's rays meet it."""
 
-    turn: Turn
+    turn: MirrorPose
 
     def above(self, points: Array, directions: Array) -> Array:
         """As `StraightLane`: everything is turned into the scene first."""
@@ -94,7 +94,7 @@ class TurnedLane(StraightLane):
         return lane.above(self.turn.to_scene(points), directions @ self.turn.rotation.T)
 
 
-def aimed(point: Array, normal: Array, place: Array, eye: Array, direction: Array) -> Turn:
+def aimed(point: Array, normal: Array, place: Array, eye: Array, direction: Array) -> MirrorPose:
     """The turn that puts a mirror's `point` (3,) at `place`.
 
     With its `normal` there such that it sends the eye's ray into `direction`; all but point and normal in the scene.
@@ -105,9 +105,9 @@ def aimed(point: Array, normal: Array, place: Array, eye: Array, direction: Arra
     wanted /= np.linalg.norm(wanted)
 
     def off(angles: Array) -> Array:
-        result: Array = Turn(float(angles[0]), float(angles[1])).rotation @ normal - wanted
+        result: Array = MirrorPose(float(angles[0]), float(angles[1])).rotation @ normal - wanted
         return result
 
     found = least_squares(off, np.zeros(2), xtol=AIMED, ftol=AIMED, gtol=AIMED)
     at, to = (tuple(float(value) for value in array) for array in (point, place))
-    return Turn(float(found.x[0]), float(found.x[1]), at, to)  # type: ignore[arg-type]  # three numbers each
+    return MirrorPose(float(found.x[0]), float(found.x[1]), at, to)  # type: ignore[arg-type]  # three numbers each
