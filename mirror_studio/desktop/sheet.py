@@ -136,10 +136,13 @@ def _even(loop: Array, cell: float) -> Array:
     """A closed polygon with its corners kept, its short edges joined and its long ones divided to about a cell."""
     before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
     turn = np.abs(np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1)))
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(after, axis=1))])
+    length = np.linalg.norm(after, axis=1)
+    along = np.concatenate([[0.0], np.cumsum(length)])
     corner = turn > np.radians(CORNER_DEG)
+    # Both ends of a straight side: a chord from a point before it would run beside all of it.
+    side = length >= cell
     step = np.floor(along[:-1] / cell)
-    kept = loop[corner | (step != np.concatenate([[-1.0], step[:-1]]))]
+    kept = loop[corner | side | np.roll(side, 1) | (step != np.concatenate([[-1.0], step[:-1]]))]
     parts = []
     for start, end in zip(kept, np.roll(kept, -1, axis=0), strict=True):
         pieces = max(1, round(float(np.linalg.norm(end - start)) / cell))
