@@ -1,9 +1,10 @@
 """A mirror aimed on a vehicle, seen by both eyes: where they are shown different sizes."""
 
-import mirror_cad as mc
 import numpy as np
-import raytrace as rt
 from matplotlib.figure import Figure
+
+import mirror_cad as mc
+import raytrace as rt
 from raytrace.measures.disparity import disparity
 
 reflector = rt.Reflector.from_mirror(mc.design(mc.load_spec("progressive-c")))

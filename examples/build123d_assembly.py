@@ -1,7 +1,8 @@
 """The mirror in a build123d assembly: glass before a housing, one STEP file, one drawing."""
 
-import mirror_cad as mc
 from build123d import Box, Compound, ExportSVG, LineType, Part, Pos, export_step, fillet
+
+import mirror_cad as mc
 
 mirror = mc.design(mc.load_spec("sphere-1250"))
 glass = mirror.to_build123d()

@@ -1,7 +1,8 @@
 """How far the realised curvature is from the designed one: the figures of the written STEP file, and a map."""
 
-import mirror_cad as mc
 from matplotlib.figure import Figure
+
+import mirror_cad as mc
 
 mirror = mc.design(mc.load_spec("progressive-c"))
 deviation = mirror.deviation()  # writes STEP and STL to a temporary folder, reads them back, and compares

@@ -1,7 +1,8 @@
 """A mirror that another program drew: a spherical cap made with build123d, seated, looked into, and measured."""
 
-import raytrace as rt
 from build123d import Box, Pos, Sphere, export_step
+
+import raytrace as rt
 
 R, WIDTH, HEIGHT = 1000.0, 180.0, 120.0  # mm
 WIDTH_PX = 480

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import trimesh
+from PIL import Image
+
 from mirror_studio.drive.mirrors import driven_mirror
 from mirror_studio.drive.pictures import World, both_eyes
 from mirror_studio.scene_file import load_scene
-from PIL import Image
 from raytrace.measures.eye_fields import extent, eye_fields
 
 EYE_PX = 320, 360  # of the picture of one eye

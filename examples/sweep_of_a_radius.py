@@ -1,9 +1,10 @@
 """The outer radius from 300 to 600 mm: how the field of view is bought with a bent lane."""
 
-import mirror_cad as mc
 import numpy as np
-import raytrace as rt
 from matplotlib.figure import Figure
+
+import mirror_cad as mc
+import raytrace as rt
 
 COUNT = 7
 radii = np.linspace(300.0, 600.0, COUNT)
