@@ -9,8 +9,8 @@ import mirror_cad as mc
 from mirror_cad.spec import OutlineSpec
 
 A, B = 80.0, 55.0  # mm, half the axes
-Path("ellipse.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="160mm" height="110mm" '
-                               f'viewBox="-80 -55 160 110"><ellipse rx="{A}" ry="{B}"/></svg>')
+Path("ellipse.svg").write_text(f"""<svg xmlns="http://www.w3.org/2000/svg" width="160mm" height="110mm"
+    viewBox="-80 -55 160 110"><ellipse rx="{A}" ry="{B}"/></svg>""")
 
 spec = mc.MirrorSpec(name="ellipse", horizontal=mc.laws.Constant(radius_mm=1200), vertical=mc.laws.Constant(radius_mm=1200),
                      outline=OutlineSpec(file="ellipse.svg"))

@@ -10,10 +10,8 @@ from typing import Any
 
 import griffe
 
-SECTION = re.compile(r"^(Parameters|Attributes|Returns)\n-+\n", re.MULTILINE)
 ONE_LINE = re.compile(r"^((?:\*{0,2}\w+(?: \([^)]*\))?(?:, )?)+) : (.+)$")
-TYPES = re.compile(r"^(array_like|ndarray|float|int|str|bool|tuple|list|dict|type|callable|None|sequence|path|optional|"
-                   r"\w+ or )")
+TYPES = re.compile(r"^(array_like|ndarray|float|int|str|bool|tuple|list|dict|type|callable|None|sequence|path|\w+ or )")
 
 
 class Parameters(griffe.Extension):

@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+
+if TYPE_CHECKING:
+    from raytrace.measures.registry import Measure
 
 HOME = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(HOME))
@@ -76,22 +80,24 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         for pattern, set_low in SUBSCRIPTS:
             pieces[k] = pattern.sub(set_low, pieces[k])
     names = {path.name for path in (Path(config.docs_dir) / "derivations").glob("*.md")}
-    return re.sub(r"`([\w-]+\.md)`", lambda m: f"[{m[1].removesuffix('.md')}]({m[1]})" if m[1] in names else m[0],
-                  "".join(pieces))
+
+    def link(found: re.Match[str]) -> str:
+        return f"[{found[1].removesuffix('.md')}]({found[1]})" if found[1] in names else found[0]
+
+    return re.sub(r"`([\w-]+\.md)`", link, "".join(pieces))
 
 
 # ---- measures
 
-def all_measures():
+def all_measures() -> Iterable[Measure]:
     """Every measure: the registered ones, and those that a scene such as `motorway` asks for at its distances."""
     from raytrace.measures.angular_size import Face
     from raytrace.measures.blind_zone import NearLane
     from raytrace.measures.in_use import Asked, MirrorInUse, OnVehicle
     from raytrace.measures.registry import measures_of
 
-    asked = Asked(NearLane(-5250.0, -1750.0), -5250.0, Face(1800.0, 1450.0, -3500.0), (20_000.0,),
-                  (30_000.0, -12_000.0, 8000.0),
-                  (20_000.0,), 1.6, 800.0)
+    asked = Asked(NearLane(-5250.0, -1750.0), -5250.0, Face(1800.0, 1450.0, -3500.0), distances=(20_000.0,),
+                  column=(30_000.0, -12_000.0, 8000.0), widths_at=(20_000.0,), direct_view=1.6, hidden_height=800.0)
     # Only names and definitions are asked for: what would be measured need not be there.
     return measures_of(MirrorInUse(None, None, vehicle=OnVehicle(None, None, None, None, asked))).values()
 
@@ -111,14 +117,14 @@ def measures_page() -> str:
             better = {"more": "more of it serves the driver", "less": "less of it serves the driver", None: ""}[one.better]
             taken = {"setup": "the mirror alone, eye and lane as in [eye] and [scene]", "vehicle": "the mirror on its vehicle"}
             asked = "" if one.name in named else "One for each distance or height that the scene asks about. "
-            module = one.value.__module__ if hasattr(one.value, "__module__") else ""
+            module = getattr(one.value, "__module__", "")
+            code = f" Code: `{module}`." if module.startswith("raytrace") else ""
             text.append(
                 f"### `{one.name}`\n\n"
                 f'<div class="measure" markdown>\n\n![{_plain(one.title)}](measures/{one.name}.svg)\n\n'
                 f"**{_plain(one.title)}**{f', {one.unit}' if one.unit else ''}\n\n"
                 f"{_sentence(_plain(one.definition))}\n\n{asked}Taken of {taken[one.scope]}"
-                f"{f'; {better}' if better else ''}."
-                f"{f' Code: `{module}`.' if module.startswith('raytrace') else ''}\n\n</div>\n")
+                f"{f'; {better}' if better else ''}.{code}\n\n</div>\n")
     return "\n".join(text)
 
 
@@ -170,8 +176,8 @@ def _keys(kind: type[BaseModel], horizontal_only: frozenset[str] = frozenset()) 
         if key == "law":
             continue
         inner = _model(info)
-        given = "" if inner or info.default in (None, ()) else f"`{_toml(info.default)}`"
-        default = "required" if info.is_required() else given
+        known = "" if inner or info.default in (None, ()) else f"`{_toml(info.default)}`"
+        default = "required" if info.is_required() else known
         shown = next((one for one in info.metadata if type(one).__name__ == "Shown"), None)
         title = getattr(shown, "label", "").replace("{axis}", "radius")
         what = said.get(key, title)
@@ -183,9 +189,9 @@ def _keys(kind: type[BaseModel], horizontal_only: frozenset[str] = frozenset()) 
 def _attributes(docstring: str) -> dict[str, str]:
     """What a docstring's section of attributes says of each key."""
     section = re.search(r"\n *(?:Attributes|Parameters)\n *-+\n(.*?)(?:\n *\n|\Z)", docstring, re.DOTALL)
-    found = {}
-    listed = r"^ {4}(\w[\w, ]*) : [^\n]*\n((?: {8}[^\n]*\n?)+)"
-    for names, text in re.findall(listed, section[1] if section else "", re.MULTILINE):
+    found: dict[str, str] = {}
+    entry = re.compile(r"^ {4}(\w[\w, ]*) : [^\n]*\n((?: {8}[^\n]*\n?)+)", re.MULTILINE)
+    for names, text in entry.findall(section[1] if section else ""):
         plain = " ".join(text.split()).replace("|", "&#124;")
         found |= dict.fromkeys(names.split(", "), plain)
     return found
