@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mirror_cad import laws, spec
+    from mirror_cad.deviation import Deviation
     from mirror_cad.errors import (
         FileError,
         InstallationError,
@@ -33,13 +34,13 @@ if TYPE_CHECKING:
 _HOME = {
     "FileError": "errors", "InstallationError": "errors", "MirrorError": "errors", "OutlineError": "errors",
     "ProfileError": "errors", "SolidError": "errors", "SpecError": "errors", "SurfaceError": "errors", "WriteError": "errors",
-    "Mirror": "mirror", "design": "mirror",
+    "Deviation": "deviation", "Mirror": "mirror", "design": "mirror",
     "MirrorSpec": "spec.schema", "load_spec": "spec.file", "preset_names": "spec.file",
 }
 _PACKAGES = ("laws", "spec")
 __all__ = [
-    "FileError", "InstallationError", "Mirror", "MirrorError", "MirrorSpec", "OutlineError", "ProfileError", "SolidError",
-    "SpecError", "SurfaceError", "WriteError", "design", "laws", "load_spec", "preset_names", "spec",
+    "Deviation", "FileError", "InstallationError", "Mirror", "MirrorError", "MirrorSpec", "OutlineError", "ProfileError",
+    "SolidError", "SpecError", "SurfaceError", "WriteError", "design", "laws", "load_spec", "preset_names", "spec",
 ]
 
 

@@ -195,12 +195,23 @@ def _clamped_spline(degree: int, knots: FloatArray, poles: FloatArray, weights: 
 def write_dxf(outline: Outline, path: str | os.PathLike[str]) -> None:
     """Write an outline to a DXF file: R2010, mm ($INSUNITS = 4), LINE, ARC, CIRCLE and SPLINE on the layer OUTLINE.
 
-    `read_outline` reads the same curve back to rounding; a full circle then starts at its rightmost point. When the
-    environment variable SOURCE_DATE_EPOCH is set, the dates and identifiers in the file are constants instead of the
-    current time and random numbers, and writing twice gives the same bytes.
+    `read_outline` reads the same curve back to rounding; a full circle then starts at its rightmost point. When the environment
+    variable SOURCE_DATE_EPOCH is set, the dates and identifiers in the file are constants instead of the current time and
+    random numbers, and writing twice gives the same bytes.
 
-    Raises `OutlineError` where a segment is so short (1e-3 mm) that a reader joining ends that close would lose it;
-    `WriteError` where the file cannot be written.
+    Parameters
+    ----------
+    outline : Outline
+        What to write.
+    path : str or path
+        Of the file.
+
+    Raises
+    ------
+    OutlineError
+        Where a segment is so short (1e-3 mm) that a reader joining ends that close would lose it.
+    WriteError
+        Where the file cannot be written.
     """
     fixed_before = ezdxf.options.write_fixed_meta_data_for_testing
     if os.environ.get("SOURCE_DATE_EPOCH"):

@@ -66,9 +66,19 @@ def read_outline(path: str | os.PathLike[str], options: FileOptions = AS_DRAWN) 
 
     Circular arcs become `Arc`, elliptic ones exact rational `Spline`, Bezier curves `Spline`.
 
-    Raises `OutlineError`, naming file, entity, point and numbers, for a file that is missing, empty, larger than
-    20 MB, not DXF or SVG, damaged beyond repair, or has more than 20 000 segments; an unknown unit or layer; no geometry;
-    an open outline; several loops; and whatever `mirror_cad.outline.closed_outline` refuses.
+    Parameters
+    ----------
+    path : str or path
+        Of the file.
+    options : FileOptions
+        Which layer counts, which loose ends are joined, which loop is taken.
+
+    Raises
+    ------
+    OutlineError
+        Naming file, entity, point and numbers, for a file that is missing, empty, larger than 20 MB, not DXF or SVG, damaged
+        beyond repair, or has more than 20 000 segments; an unknown unit or layer; no geometry; an open outline; several loops;
+        and whatever `mirror_cad.outline.closed_outline` refuses.
     """
     return open_outline(path, options).outline
 

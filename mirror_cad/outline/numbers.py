@@ -32,7 +32,20 @@ def point_text(point: Sequence[float] | FloatArray) -> str:
 
 
 def finite_point(value: ArrayLike, what: str) -> Point:
-    """The point (x, y), or an `OutlineError` that names `what`."""
+    """A point that can be computed with.
+
+    Parameters
+    ----------
+    value : object
+        Two finite numbers, if all is well.
+    what : str
+        Its name in messages.
+
+    Raises
+    ------
+    OutlineError
+        For anything else.
+    """
     array = np.asarray(value, dtype=float)
     if array.shape != (2,) or not (np.abs(array) <= LARGEST).all():
         raise OutlineError(f"{what} is {value!r}: it must be two finite numbers up to {LARGEST:g}, x and y in mm")
@@ -40,6 +53,11 @@ def finite_point(value: ArrayLike, what: str) -> Point:
 
 
 def check_tolerance(tolerance_mm: float) -> None:
-    """Raise `OutlineError` unless a chord tolerance is finite and above 0."""
+    """Refuse a chord tolerance that is not finite and above 0.
+
+    Raises
+    ------
+    OutlineError
+    """
     if not (math.isfinite(tolerance_mm) and tolerance_mm > 0.0):
         raise OutlineError(f"chord tolerance is {tolerance_mm!r} mm: it must be a finite number above 0")

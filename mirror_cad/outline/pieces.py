@@ -14,17 +14,24 @@ from mirror_cad.outline.segments import Arc, Segment, Spline
 
 
 class Piece(NamedTuple):
-    """One segment in mirror coordinates and what it was in the file."""
+    """One segment in mirror coordinates, and what it was in the file."""
 
     segment: Segment
     label: str
 
 
 def elliptic_arc(centre: ArrayLike, u: ArrayLike, v: ArrayLike, start: float, sweep: float) -> Segment:
-    """centre + cos(a) u + sin(a) v for a from `start` over `sweep` (rad): an `Arc`, or a rational quadratic `Spline`.
+    """centre + cos(a) u + sin(a) v for a from `start` over `sweep`: an `Arc`, or a rational quadratic `Spline`.
 
-    Between the angles a - h and a + h the conic has the inner pole centre + (cos(a) u + sin(a) v) / cos(h) of weight
-    cos(h); pieces of at most a quarter turn keep the weights at 0.7 and above.
+    Between the angles a - h and a + h the conic has the inner pole centre + (cos(a) u + sin(a) v) / cos(h) of weight cos(h);
+    pieces of at most a quarter turn keep the weights at 0.7 and above.
+
+    Parameters
+    ----------
+    centre, u, v : tuple
+        (x, y), mm.
+    start, sweep : float
+        Radians.
     """
     c, u, v = (np.asarray(value, dtype=float) for value in (centre, u, v))
     if not max(np.abs(value).max() for value in (c, u, v)) <= LARGEST:

@@ -32,7 +32,15 @@ __all__ = ["Arc", "Line", "Segment", "Spline", "arc_between"]
 class Line:
     """The straight segment start + s (end - start), s in [0, 1].
 
-    `start` and `end` are (x, y) in mm. Raises `OutlineError` where one of them is not two finite numbers.
+    Attributes
+    ----------
+    start, end : tuple
+        (x, y), mm.
+
+    Raises
+    ------
+    OutlineError
+        Where one of them is not two finite numbers.
     """
 
     start: Point
@@ -43,7 +51,18 @@ class Line:
         object.__setattr__(self, "end", finite_point(self.end, "the end of a line"))
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Points (..., 2) in mm at the parameters `s` (...) in [0, 1]."""
+        """Points of the segment.
+
+        Parameters
+        ----------
+        s : array_like
+            In [0, 1], any shape.
+
+        Returns
+        -------
+        ndarray
+            (..., 2), mm.
+        """
         fraction = np.asarray(s, dtype=float)[..., None]
         return (1.0 - fraction) * np.array(self.start) + fraction * np.array(self.end)
 
@@ -52,7 +71,13 @@ class Line:
         return Line(self.end, self.start)
 
     def moved(self, dx: float, dy: float) -> Line:
-        """The line moved by (dx, dy) mm."""
+        """The line moved by (dx, dy).
+
+        Parameters
+        ----------
+        dx, dy : float
+            mm.
+        """
         return Line((self.start[0] + dx, self.start[1] + dy), (self.end[0] + dx, self.end[1] + dy))
 
     def bounds(self) -> Bounds:
@@ -61,12 +86,34 @@ class Line:
         return min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
 
     def samples(self, tolerance_mm: float) -> FloatArray:
-        """The two end points (2, 2) in mm; a line has no chord error. Raises `OutlineError` unless tolerance > 0."""
+        """The two end points; a line has no chord error.
+
+        Parameters
+        ----------
+        tolerance_mm : float
+            Above 0.
+
+        Returns
+        -------
+        ndarray
+            (2, 2), mm.
+
+        Raises
+        ------
+        OutlineError
+            Unless the tolerance is above 0.
+        """
         check_tolerance(tolerance_mm)
         return np.array([self.start, self.end])
 
     def swept_area(self, about: Point = (0.0, 0.0)) -> float:
-        """Signed area in mm^2 swept by the ray from `about`, 1/2 of the integral of x dy - y dx; exact."""
+        """Signed area swept by the ray from a point, 1/2 of the integral of x dy - y dx, mm^2; exact.
+
+        Parameters
+        ----------
+        about : tuple
+            (x, y), mm.
+        """
         x0, y0 = self.start[0] - about[0], self.start[1] - about[1]
         x1, y1 = self.end[0] - about[0], self.end[1] - about[1]
         return 0.5 * (x0 * y1 - x1 * y0)
@@ -76,9 +123,21 @@ class Line:
 class Arc:
     """The circular arc centre + radius (cos a, sin a) with a = start_angle + s sweep, s in [0, 1].
 
-    `centre` is (x, y) and `radius_mm` is in mm; the angles are in radians from +x towards +y. `sweep` is positive
-    counter-clockwise and at most a full turn either way. Raises `OutlineError` for a number that is not finite, a
-    radius that is not above 0 and a sweep that is 0 or more than a full turn.
+    Attributes
+    ----------
+    centre : tuple
+        (x, y), mm.
+    radius_mm : float
+        Above 0.
+    start_angle : float
+        From +x towards +y, radians.
+    sweep : float
+        Radians, positive counter-clockwise, at most a full turn in either sense.
+
+    Raises
+    ------
+    OutlineError
+        For a number that is not finite, a radius that is not above 0 and a sweep that is 0 or more than a full turn.
     """
 
     centre: Point
@@ -125,7 +184,18 @@ class Arc:
         )
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Points (..., 2) in mm at the parameters `s` (...) in [0, 1]."""
+        """Points of the segment.
+
+        Parameters
+        ----------
+        s : array_like
+            In [0, 1], any shape.
+
+        Returns
+        -------
+        ndarray
+            (..., 2), mm.
+        """
         angle = self.start_angle + np.asarray(s, dtype=float) * self.sweep
         return np.array(self.centre) + self.radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -134,7 +204,13 @@ class Arc:
         return Arc(self.centre, self.radius_mm, self.start_angle + self.sweep, -self.sweep)
 
     def moved(self, dx: float, dy: float) -> Arc:
-        """The arc moved by (dx, dy) mm."""
+        """The arc moved by (dx, dy).
+
+        Parameters
+        ----------
+        dx, dy : float
+            mm.
+        """
         return Arc((self.centre[0] + dx, self.centre[1] + dy), self.radius_mm, self.start_angle, self.sweep)
 
     def bounds(self) -> Bounds:
@@ -151,9 +227,22 @@ class Arc:
         return min(xs), max(xs), min(ys), max(ys)
 
     def samples(self, tolerance_mm: float) -> FloatArray:
-        """Points (n, 2) in mm on the arc, both ends included, no chord farther than `tolerance_mm` from it.
+        """Points on the arc, both ends included: a chord over the angle d is r (1 - cos(d/2)) from the arc.
 
-        A chord over the angle d is r (1 - cos(d/2)) from the arc. Raises `OutlineError` unless tolerance > 0.
+        Parameters
+        ----------
+        tolerance_mm : float
+            No chord is farther from the arc.
+
+        Returns
+        -------
+        ndarray
+            (n, 2), mm.
+
+        Raises
+        ------
+        OutlineError
+            Unless the tolerance is above 0.
         """
         check_tolerance(tolerance_mm)
         # 1 - cos(d/2) = 2 sin^2(d/4), which keeps its digits for small tolerances.
@@ -169,7 +258,13 @@ class Arc:
         return points
 
     def swept_area(self, about: Point = (0.0, 0.0)) -> float:
-        """Signed area in mm^2 swept by the ray from `about`, 1/2 of the integral of x dy - y dx; closed form."""
+        """Signed area swept by the ray from a point, 1/2 of the integral of x dy - y dx, mm^2; closed form.
+
+        Parameters
+        ----------
+        about : tuple
+            (x, y), mm.
+        """
         cx, cy = self.centre[0] - about[0], self.centre[1] - about[1]
         (x0, y0), (x1, y1) = self.start, self.end
         return 0.5 * (self.radius_mm**2 * self.sweep + cx * (y1 - y0) - cy * (x1 - x0))
@@ -179,10 +274,21 @@ Segment = Line | Arc | Spline
 
 
 def arc_between(start: Point, end: Point, sweep: float) -> Arc:
-    """The arc from `start` to `end` (mm) that turns through `sweep` radians, positive counter-clockwise.
+    """The arc from `start` to `end` that turns through `sweep`.
 
-    centre = (start + end)/2 + n |end - start| / (2 tan(sweep/2)), n being the chord direction turned left. Raises
-    `OutlineError` where the ends coincide or `sweep` is not strictly between 0 and a full turn either way.
+    centre = (start + end)/2 + n |end - start| / (2 tan(sweep/2)), n being the chord direction turned left.
+
+    Parameters
+    ----------
+    start, end : tuple
+        (x, y), mm.
+    sweep : float
+        Radians, positive counter-clockwise.
+
+    Raises
+    ------
+    OutlineError
+        Where the ends coincide or `sweep` is not strictly between 0 and a full turn in either sense.
     """
     chord = math.dist(start, end)
     if chord == 0.0 or not 0.0 < abs(sweep) < FULL_TURN:

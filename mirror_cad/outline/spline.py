@@ -29,15 +29,25 @@ _MAXIMUM_DEGREE = 25
 class Spline:
     """The clamped B-spline sum N_i(t) w_i P_i / sum N_i(t) w_i, t running over the knot range as s does over [0, 1].
 
-    degree:  p, from 1 to 25.
-    knots:   (n + p + 1,), never decreasing, written out with repetition; the first and the last p + 1 are equal and no
-             inner knot is repeated more than p times (the curve is continuous). Knots that differ do so by at least
-             1e-12 of the range, which is at least 1e-12.
-    poles:   P, (n, 2) in mm, n >= p + 1; the curve starts at the first pole and ends at the last.
-    weights: w, (n,), all above 0, the smallest at least 1e-12 of the largest; None for a polynomial spline (all 1).
+    Numbers are at most 1e12 in size. The arrays are copied and made read-only.
 
-    Numbers are at most 1e12 in size. The arrays are copied and made read-only. Raises `OutlineError` where one of these
-    conditions does not hold.
+    Attributes
+    ----------
+    degree : int
+        p, from 1 to 25.
+    knots : ndarray
+        (n + p + 1,), never decreasing, written out with repetition; the first and the last p + 1 are equal and no inner knot is
+        repeated more than p times (the curve is continuous). Knots that differ do so by at least 1e-12 of the range, which is
+        at least 1e-12.
+    poles : ndarray
+        P, (n, 2), mm, n >= p + 1; the curve starts at the first pole and ends at the last.
+    weights : ndarray or None
+        w, (n,), all above 0, the smallest at least 1e-12 of the largest; None for a polynomial spline (all 1).
+
+    Raises
+    ------
+    OutlineError
+        Where one of these conditions does not hold.
     """
 
     degree: int
@@ -106,7 +116,18 @@ class Spline:
         return BSpline(self.knots, columns, self.degree)
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Points (..., 2) in mm at the parameters `s` (...) in [0, 1]."""
+        """Points of the segment.
+
+        Parameters
+        ----------
+        s : array_like
+            In [0, 1], any shape.
+
+        Returns
+        -------
+        ndarray
+            (..., 2), mm.
+        """
         fraction = np.asarray(s, dtype=float)
         values = self._homogeneous()((1.0 - fraction) * self.knots[0] + fraction * self.knots[-1])
         return np.asarray(values[..., :2] / values[..., 2:])
@@ -119,7 +140,13 @@ class Spline:
         return Spline(self.degree, knots, self.poles[::-1], None if self.weights is None else self.weights[::-1])
 
     def moved(self, dx: float, dy: float) -> Spline:
-        """The spline moved by (dx, dy) mm."""
+        """The spline moved by (dx, dy).
+
+        Parameters
+        ----------
+        dx, dy : float
+            mm.
+        """
         return Spline(self.degree, self.knots, self.poles + np.array([dx, dy]), self.weights)
 
     def bounds(self) -> Bounds:
@@ -148,10 +175,25 @@ class Spline:
         return float(x_min), float(x_max), float(y_min), float(y_max)
 
     def samples(self, tolerance_mm: float) -> FloatArray:
-        """Points (n, 2) in mm on the curve, both ends included, no chord farther than `tolerance_mm` from it.
+        """Points on the curve, both ends included.
 
-        Every knot span starts as p + 1 intervals; an interval is halved while the curve at one of seven points inside
-        it is farther than 0.9 of the tolerance from the chord. Raises `OutlineError` unless tolerance > 0.
+        Every knot span starts as p + 1 intervals; an interval is halved while the curve at one of seven points inside it is
+        farther than 0.9 of the tolerance from the chord.
+
+        Parameters
+        ----------
+        tolerance_mm : float
+            No chord is farther from the curve.
+
+        Returns
+        -------
+        ndarray
+            (n, 2), mm.
+
+        Raises
+        ------
+        OutlineError
+            Unless the tolerance is above 0.
         """
         check_tolerance(tolerance_mm)
         curve = self._homogeneous()
@@ -189,10 +231,15 @@ class Spline:
         return result
 
     def swept_area(self, about: Point = (0.0, 0.0)) -> float:
-        """Signed area in mm^2 swept by the ray from `about`, 1/2 of the integral of x dy - y dx.
+        """Signed area swept by the ray from a point, 1/2 of the integral of x dy - y dx, mm^2.
 
-        Gauss-Legendre on every knot span: with p points exact for a polynomial spline of degree p; with 40 points for
-        a rational one, where the integrand is (X Y' - Y X') / W^2.
+        By Gauss-Legendre on every knot span: with p points exact for a polynomial spline of degree p; with 40 points for a
+        rational one, where the integrand is (X Y' - Y X') / W^2.
+
+        Parameters
+        ----------
+        about : tuple
+            (x, y), mm.
         """
         curve = self._homogeneous(about)
         node, weight = np.polynomial.legendre.leggauss(self.degree if self.weights is None else 40)

@@ -17,7 +17,7 @@ from mirror_studio.desktop.subject import Fan, Subject
 MIRROR, RAYS, PICTURE = "mirror.vtp", "rays.vtp", "view.png"
 
 
-def mirror_mesh(shown: Sheet) -> Any:
+def mirror_mesh(shown: Sheet) -> pyvista.PolyData:
     """The sheet as PolyData with its fields and normals at the points, and the fields' units under "units"."""
     mesh: Any = pyvista.PolyData(shown.vertices, np.column_stack([np.full(len(shown.faces), 3), shown.faces]).ravel())
     for name, values in shown.fields.items():
@@ -29,7 +29,7 @@ def mirror_mesh(shown: Sheet) -> Any:
     return mesh
 
 
-def ray_lines(fan: Fan) -> Any:
+def ray_lines(fan: Fan) -> pyvista.PolyData:
     """The fan as PolyData: one line a ray, from the eye to the mirror and on; its incidence in degrees on the line."""
     n = len(fan.points)
     nodes = np.stack([np.broadcast_to(fan.eye, (n, 3)), fan.points, fan.ends], axis=1).reshape(-1, 3)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from mirror_cad.errors import FileError, MirrorError, SpecError
 from mirror_cad.guarded import FallenError, GuardedProcess
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from raytrace.reflector import Reflector
 
 Kind = Literal["outline", "picture", "reflector", "table", "spec"]
+
+Read = TypeVar("Read")
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ def check(kind: Kind, ending: str, size: int) -> None:
         raise FileError(f"the file has {size / 1e6:.1f} MB; a {kind} may have {limit.largest / 1e6:g} MB")
 
 
-def in_folder(uploads: Uploads, ending: str, data: bytes, read: Callable[[Path], Any]) -> Any:
+def in_folder(uploads: Uploads, ending: str, data: bytes, read: Callable[[Path], Read]) -> Read:
     """What `read` makes of a file with this content, which is removed again."""
     with tempfile.NamedTemporaryFile(dir=uploads.folder, suffix=ending) as stream:
         stream.write(data)
