@@ -76,7 +76,8 @@ def _caption(each: Measured, figures: Mapping[str, Any]) -> str:
     spec = each.mirror.spec
     laws = ""
     if spec is not None:
-        laws = f"{spec.horizontal.in_short()} × {spec.vertical.in_short()}; " if spec.target is None else f"{spec.target.in_words()}; "
+        made_by = f"{spec.horizontal.in_short()} × {spec.vertical.in_short()}"
+        laws = f"{made_by if spec.target is None else spec.target.in_words()}; "
     field, size = figures["field_deg"], figures["magnification"]["horizontal"]
     return (f"{laws}yaw {fixed(figures['aim']['yaw_deg'], 1)}°, pitch {fixed(figures['aim']['pitch_deg'], 1)}°; horizon "
             f"{fixed(field['horizon_either'], 1)}° by either eye; far things {fixed(size['middle'], 2)} times as wide as in a "

@@ -143,8 +143,8 @@ def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | N
     """
     if not deviation.of_laws:
         return ("What the mirror misses of the wanted view is said in arc minutes under the verdicts. A view settles the "
-                "normal at every place, and normals belong to a surface only where their slopes have no curl. What is left is the "
-                "part that no surface shows.")
+                "normal at every place, and normals belong to a surface only where their slopes have no curl. What is "
+                "left is the part that no surface shows.")
     entry = deviation.stages["model"]
     model = largest_of_pair(entry)
     if model is None:
