@@ -29,6 +29,7 @@ app = App(
 
 Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; replaced as a whole.")]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print the metrics as JSON to the standard output.")]
+Scheduler = Annotated[str | None, Parameter(name="--scheduler", help="Address of a Dask scheduler: tcp://HOST:PORT.")]
 Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the report as PDF too; needs the extra `pdf`.")]
 # Nine numbers may begin with a minus.
 PlaceText = Annotated[str, Parameter(name="--place", allow_leading_hyphen=True)]
@@ -267,6 +268,62 @@ def measures(*, json: Json = False) -> int:
     for name, one in found.items():
         print(f"{name:34} {one['unit'] or '1':10} {one['title']}: {one['definition']}")
     return DONE
+
+
+@app.command
+def sweep(study: Path, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> int:
+    """Take measures of many designs: a grid, lists or samples of any keys of a specification. The same command goes on.
+
+    Parameters
+    ----------
+    study
+        A TOML file: spec, scene, measures, [vary].
+    """
+    if (missing := _missing_for_studies()) is not None:
+        return missing
+    from mirror_studio.explore.study import load_study
+    from mirror_studio.explore.sweep import sweep as run
+    from mirror_studio.progress import Progress
+
+    loaded = load_study(study)
+    return _finish(run(loaded, out or Path("exports") / study.stem, Progress(), scheduler), (), json)
+
+
+@app.command
+def optimise(study: Path, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> int:
+    """Look for the best designs, or for the front between several wishes. The same command goes on where it ended.
+
+    Parameters
+    ----------
+    study
+        A TOML file: spec, scene, [vary], [optimise].
+    """
+    if (missing := _missing_for_studies()) is not None:
+        return missing
+    from mirror_studio.explore.optimise import optimise as run
+    from mirror_studio.explore.study import load_study
+    from mirror_studio.progress import Progress
+
+    loaded = load_study(study, optimise=True)
+    found = run(loaded, out or Path("exports") / study.stem, Progress(), scheduler)
+    missed: tuple[str, ...] = ()
+    if not found.front:
+        near = found.nearest
+        missed = ("no design meets optimise.limits" + ("" if near is None else "; the nearest has " + ", ".join(
+            f"{key} = {value}" for key, value in zip(loaded.keys, near[0].values, strict=True)) + ", and misses " + ", ".join(
+            f"{name} by {100.0 * share:.3g} % of its limit" for name, share in near[1].items())),)
+    return _finish({"evaluations": found.evaluations, "failed": found.failed, "front": len(found.front)}, missed, json)
+
+
+def _missing_for_studies() -> int | None:
+    """The exit code where what studies need is not installed, said; None where it is."""
+    from importlib.util import find_spec
+
+    for package in ("distributed", "pymoo", "pyarrow"):
+        if find_spec(package) is None:
+            print(f"mirror-cad: studies need {package}: install the project with its extra \"studies\"", file=sys.stderr)
+            return BAD_INPUT
+    return None
 
 
 @app.command

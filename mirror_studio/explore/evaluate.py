@@ -1,0 +1,81 @@
+"""One design of a study in, its measures out: a row, also where it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from mirror_cad.errors import MirrorError
+from mirror_cad.mirror import design
+from mirror_cad.spec.file import load_spec, validate_spec
+from mirror_studio.drive.measured import asked_of, in_use, shown_round
+from mirror_studio.drive.mirrors import on_vehicle
+from mirror_studio.drive.world import bodies_and_left_out
+from mirror_studio.scene_file import SceneFile, load_scene
+from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.measures.in_use import Asked, MirrorInUse
+from raytrace.measures.registry import measures_of
+from raytrace.reflector import Reflector
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What became of one design.   figures : by measure, None for what the mirror does not show; all None where it failed."""
+
+    index: int
+    values: tuple[float | str | bool, ...]
+    figures: tuple[float | None, ...]
+    status: str
+    cause: str
+
+
+def evaluate(index: int, values: tuple[float | str | bool, ...], raw: dict[str, Any], folder: str, scene: str | None,
+             measures: Sequence[str]) -> Row:
+    """Design one mirror and take its measures. Whatever goes wrong is the row's cause."""
+    try:
+        use = _in_use(raw, folder, scene)
+        known = measures_of(use)
+        twice = use.vehicle is not None and shown_round(use.vehicle.views).twice
+        figures = tuple(None if name not in known or (twice and not known[name].local) else _number(known[name].value(use))
+                        for name in measures)
+    except MirrorError as error:
+        return failed(index, values, len(measures), " ".join(str(error).split()))
+    except Exception as error:  # a design that no message was written for is a row as well
+        return failed(index, values, len(measures), f"internal error: {type(error).__name__}: {error}")
+    return Row(index, values, figures, "ok", "")
+
+
+def failed(index: int, values: tuple[float | str | bool, ...], count: int, cause: str) -> Row:
+    """The row of a design that has no figures."""
+    return Row(index, values, (None,) * count, "failed", cause)
+
+
+def names_on_vehicle(scene: str) -> tuple[str, ...]:
+    """The measures that a scene has, those at its own distances among them."""
+    from mirror_cad.spec.file import spec_as_json
+
+    return tuple(measures_of(_in_use(spec_as_json(load_spec("sphere-950")), ".", scene)))
+
+
+def _in_use(raw: dict[str, Any], folder: str, scene: str | None) -> MirrorInUse:
+    spec = validate_spec(raw, "design", Path(folder))
+    mirror = design(spec)
+    reflector = Reflector.from_mirror(mirror)
+    if scene is None:
+        return ViewingSetup.of(spec, mirror.box).in_use(reflector, mirror)
+    loaded, asked = _scene(scene)
+    return in_use(on_vehicle(spec.name, reflector, loaded, spec), asked)
+
+
+@lru_cache(maxsize=4)
+def _scene(name: str) -> tuple[SceneFile, Asked]:
+    loaded = load_scene(name)
+    named, _ = bodies_and_left_out(loaded)
+    return loaded, asked_of(loaded, {name: body for name, body in named if name})
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)

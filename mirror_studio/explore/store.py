@@ -1,0 +1,118 @@
+"""The rows of a study on the disk: appended one by one, read again, and written as tables."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple
+from pathlib import Path
+from typing import IO
+
+from mirror_cad.errors import SpecError, WriteError
+from mirror_studio.explore.evaluate import Row
+from mirror_studio.explore.study import Study
+
+STORE = "study.jsonl"
+
+
+class Store:
+    """An append-only file of rows: what a kill leaves of its last line is cut off, and no row is taken twice.
+
+    Raises: SpecError where the folder holds another study; WriteError where it cannot be written.
+    """
+
+    def __init__(self, folder: Path, study: Study) -> None:
+        self.path, self.study = folder / STORE, study
+        head = {"study": study.digest(), "keys": list(study.keys), "measures": list(study.measures)}
+        self.rows: dict[int, Row] = {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            kept = self._read(head)
+            self._stream: IO[bytes] = self.path.open("r+b" if self.path.exists() else "w+b")
+            self._stream.truncate(kept)
+            self._stream.seek(kept)
+            if not kept:
+                self._write(head)
+        except OSError as error:
+            raise WriteError(f"{self.path}: cannot be written: {error.strerror or error}") from None
+
+    def _read(self, head: Mapping[str, object]) -> int:
+        """Take the whole lines; returns how many bytes they are."""
+        if not self.path.exists():
+            return 0
+        content, kept = self.path.read_bytes(), 0
+        for line in content.splitlines(keepends=True):
+            if not line.endswith(b"\n"):
+                break
+            try:
+                entry = json.loads(line)
+            except ValueError:
+                break
+            if kept == 0:
+                if entry != head:
+                    raise SpecError(f"{self.path.parent}: holds the rows of another study: give another --out, or remove it")
+            else:
+                row = Row(entry[0], tuple(entry[1]), tuple(entry[2]), entry[3], entry[4])
+                self.rows.setdefault(row.index, row)
+            kept += len(line)
+        return kept
+
+    def append(self, row: Row) -> None:
+        """Keep a row, on the disk before this returns."""
+        if row.index in self.rows:
+            return
+        self._write(astuple(row))
+        self.rows[row.index] = row
+
+    def _write(self, entry: object) -> None:
+        try:
+            self._stream.write(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise WriteError(f"{self.path}: cannot be written: {error.strerror or error}; what is there is whole, and the same "
+                             "command goes on from it") from None
+
+    def close(self) -> None:
+        """Close the file; what was appended is on disk."""
+        self._stream.close()
+
+    def tables(self) -> None:
+        """Write rows.csv and rows.parquet beside it, in the order of the designs."""
+        write_rows(self.path.parent, "rows", self.study, [self.rows[index] for index in sorted(self.rows)], parquet=True)
+
+
+def write_rows(folder: Path, name: str, study: Study, rows: Sequence[Row], parquet: bool = False) -> None:
+    """Write NAME.csv, and NAME.parquet where asked for: a column a key and a measure, status and cause."""
+    columns: dict[str, list[object]] = {}
+    for k, key in enumerate(study.keys):
+        columns[key] = [row.values[k] for row in rows]
+    for k, measure in enumerate(study.measures):
+        columns[measure] = [row.figures[k] for row in rows]
+    columns |= {"status": [row.status for row in rows], "cause": [row.cause for row in rows]}
+    try:
+        _write_csv(folder / f"{name}.csv", list(columns), zip(*columns.values(), strict=True))
+        if parquet:
+            import pyarrow
+            import pyarrow.parquet
+
+            measured = {name: pyarrow.float64() for name in study.measures}
+            arrays = [pyarrow.array(values, type=measured.get(key)) for key, values in columns.items()]
+            beside = folder / f".{name}.parquet"
+            pyarrow.parquet.write_table(pyarrow.table(arrays, names=list(columns)), beside)
+            beside.replace(folder / f"{name}.parquet")
+    except OSError as error:
+        raise WriteError(f"{folder / name}: cannot be written: {error.strerror or error}; the rows are whole in "
+                         f"{STORE}") from None
+
+
+def _write_csv(path: Path, names: list[str], rows: Iterable[tuple[object, ...]]) -> None:
+    beside = path.with_name(f".{path.name}")
+    with beside.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(names)
+        writer.writerows([("" if value is None else repr(value) if isinstance(value, float) else value) for value in row]
+                         for row in rows)
+    beside.replace(path)

@@ -1,0 +1,48 @@
+"""A study in, the table of all its designs out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from mirror_studio.explore.store import Store
+from mirror_studio.explore.study import Study
+from mirror_studio.explore.workers import Workers
+from mirror_studio.progress import Progress
+
+
+def sweep(study: Study, out: Path, progress: Progress, scheduler: str | None = None) -> dict[str, int]:
+    """Evaluate every design that the folder does not hold yet; returns how many are ok and failed.
+
+    Parameters
+    ----------
+    study : Study
+    out : Path
+        Where rows.csv, rows.parquet and the store are; the same study goes on where it ended.
+    progress : Progress
+    scheduler : str, optional
+        The address of a Dask scheduler.
+
+    Raises
+    ------
+    MirrorError
+        For a folder of another study, a scheduler that is not reached, and a disk that takes no more.
+    """
+    store = Store(out, study)
+    try:
+        designs = study.designs()
+        left = [(index, values) for index, values in enumerate(designs) if index not in store.rows]
+        progress.step(f"{len(designs)} designs" + (f", {len(designs) - len(left)} of them there" if store.rows else ""))
+        workers = Workers(study, scheduler)
+        try:
+            for done, row in enumerate(workers.rows(left), 1):
+                store.append(row)
+                progress.share(done / len(left))
+        finally:
+            workers.close()
+        store.tables()
+    finally:
+        store.close()
+    found = Counter(row.status for row in store.rows.values())
+    progress.step(f"{found['ok']} ok, {found['failed']} failed, in {out}")
+    return {"ok": found["ok"], "failed": found["failed"]}

@@ -1,0 +1,91 @@
+"""Designs in, their rows out as they are done: here, on the cores of this machine, or on a cluster."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from mirror_cad.errors import MirrorError
+from mirror_studio.explore.evaluate import Row, evaluate, failed
+from mirror_studio.explore.study import Study, Value
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+FEW = 12  # designs that are done before a cluster of processes has started
+MEMORY = "2GiB"  # of a worker: a design takes some hundred MB
+DEATHS = 3  # of workers, on one design, before it is left
+REACHED_S = 10.0  # a scheduler answers within
+AT_ONCE = 500  # designs handed out: more would only fill the scheduler's memory
+
+
+class Workers:
+    """Where designs are evaluated; a cluster starts with the first of more than FEW designs.
+
+    scheduler : the address of a Dask scheduler; without one, a local cluster of one process a core.
+    """
+
+    def __init__(self, study: Study, scheduler: str | None = None) -> None:
+        self.study, self.scheduler = study, scheduler
+        self._client: Client | None = None
+        self._stack = contextlib.ExitStack()
+        if scheduler is not None:
+            self._client = _reach(scheduler)
+            self._stack.callback(self._client.close)
+
+    def rows(self, designs: Sequence[tuple[int, tuple[Value, ...]]]) -> Iterator[Row]:
+        """Evaluate designs (index, values), in the order in which they are done."""
+        if self._client is None and len(designs) > FEW:
+            self._client = self._local()
+        for start in range(0, len(designs), AT_ONCE):
+            part = designs[start:start + AT_ONCE]
+            yield from self._here(part) if self._client is None else self._on(self._client, part)
+
+    def close(self) -> None:
+        """End what was started here."""
+        self._stack.close()
+
+    def _here(self, designs: Sequence[tuple[int, tuple[Value, ...]]]) -> Iterator[Row]:
+        study = self.study
+        for index, values in designs:
+            yield evaluate(index, values, study.with_values(values), str(study.folder), study.scene, study.measures)
+
+    def _on(self, client: Client, designs: Sequence[tuple[int, tuple[Value, ...]]]) -> Iterator[Row]:
+        from distributed import as_completed
+
+        study = self.study
+        handed = {client.submit(evaluate, index, values, study.with_values(values), str(study.folder.resolve()), study.scene,
+                                study.measures, pure=False, retries=1): (index, values) for index, values in designs}
+        for future in as_completed(list(handed)):
+            index, values = handed[future]
+            if future.status == "finished":
+                yield future.result()
+            else:
+                error = future.exception()
+                died = type(error).__name__ == "KilledWorker"
+                yield failed(index, values, len(study.measures), f"{DEATHS} workers died on this design" if died else
+                             f"{type(error).__name__}: {error}")
+
+    def _local(self) -> Client:
+        import dask
+        from distributed import Client, LocalCluster
+
+        dask.config.set({"distributed.scheduler.allowed-failures": DEATHS, "distributed.worker.daemon": True})
+        cluster = self._stack.enter_context(LocalCluster(
+            n_workers=max(1, len(os.sched_getaffinity(0))), threads_per_worker=1, processes=True, memory_limit=MEMORY,
+            dashboard_address="127.0.0.1:0", silence_logs=50))
+        client: Client = self._stack.enter_context(Client(cluster))
+        return client
+
+
+def _reach(address: str) -> Client:
+    from distributed import Client
+
+    try:
+        return Client(address, timeout=REACHED_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise MirrorError(f"--scheduler {address}: no scheduler is reached there within {REACHED_S:g} s "
+                          f"({type(error).__name__}); "
+                          "start one with `dask scheduler`, or leave the option out") from None
