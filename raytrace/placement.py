@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
 from raytrace.reflector import Reflector
 
@@ -21,17 +22,19 @@ LARGEST_MM = 1e9  # of an origin that is stated: farther away no digit is left f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """The mirror's frame in the coordinates of its file: p_mirror = R·(p_file − o), the rows of R being up × n, up and n.
+    """The mirror's frame in the coordinates of its file: p_mirror = R·(p_file − o), the rows of R being ±up × n, up and n.
 
     origin_mm (3,) : o, the point of the mirror surface that becomes the origin.   normal (3,) : n, unit, towards the driver.
     up (3,) : unit, across the normal.   source : who says so: the file (it is in mirror coordinates), the face that reflects,
-    or the user.
+    or the user.   hand : of the mirror, where its file says so. Mirror coordinates are those of the left-hand mirror: a
+    right-hand one is reflected in x = 0, so that its measures are those of the left-hand one it was designed as.
     """
 
     origin_mm: Array
     normal: Array
     up: Array
     source: Source = "stated"
+    hand: Hand = "left"
 
     @staticmethod
     def of(origin_mm: ArrayLike, normal: ArrayLike, up: ArrayLike, source: Source = "stated") -> Placement:
@@ -57,14 +60,15 @@ class Placement:
         return Placement(origin, n, _unit(across - (across @ n) * n), source)
 
     @staticmethod
-    def identity(source: Source = "file") -> Placement:
+    def identity(source: Source = "file", hand: Hand = "left") -> Placement:
         """Of a file in mirror coordinates."""
-        return Placement(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), source)
+        return Placement(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), source, hand)
 
     @property
     def rotation(self) -> Array:
-        """R (3, 3): directions of the file to those of the mirror."""
-        return np.stack([np.cross(self.up, self.normal), self.up, self.normal])
+        """R (3, 3): directions of the file to those of the mirror; its determinant is −1 for a right-hand mirror."""
+        across = np.cross(self.up, self.normal)
+        return np.stack([across if self.hand == "left" else -across, self.up, self.normal])
 
     @property
     def is_identity(self) -> bool:
@@ -83,24 +87,29 @@ class Placement:
 
     def as_json(self) -> dict[str, object]:
         """As metrics.json holds it."""
-        return {"origin_mm": [float(v) for v in self.origin_mm], "normal": [float(v) for v in self.normal],
-                "up": [float(v) for v in self.up], "from": self.source}
+        frame: dict[str, object] = {"origin_mm": [float(v) for v in self.origin_mm], "normal": [float(v) for v in self.normal],
+                                    "up": [float(v) for v in self.up], "from": self.source}
+        return frame if self.hand == "left" else frame | {"hand": self.hand}
 
     def __str__(self) -> str:
         origin = ", ".join(f"{round(float(v), 6) + 0.0:.9g}" for v in self.origin_mm)
         normal, up = (", ".join(f"{round(float(v), 6) + 0.0:g}" for v in vector) for vector in (self.normal, self.up))
         said = {"file": "the file is in mirror coordinates", "face": "found from the face", "stated": "as stated"}[self.source]
-        return f"origin ({origin}) mm, normal ({normal}), up ({up}): {said}"
+        hand = "" if self.hand == "left" else ("; a right-hand mirror by its file, taken as the left-hand one that it is the "
+                                               "reflection of")
+        return f"origin ({origin}) mm, normal ({normal}), up ({up}): {said}{hand}"
 
 
 def moved(reflector: Reflector, placement: Placement) -> Reflector:
     """The reflector of a file in mirror coordinates: what reflects and what stands in the way, with the placement noted.
-    Parameters, loops and facets stay, so the motion is exact but for rounding."""
+    Parameters, loops and facets stay, but for the sense of a right-hand mirror's, so the motion is exact but for rounding.
+    """
     if placement.is_identity:
         return replace(reflector, placement=placement)
     obstacles = reflector.obstacles
     if obstacles is not None:
-        obstacles = SurfaceMesh(placement.to_mirror(obstacles.vertices), obstacles.faces)
+        facets = obstacles.faces if placement.hand == "left" else np.ascontiguousarray(obstacles.faces[:, ::-1])
+        obstacles = SurfaceMesh(placement.to_mirror(obstacles.vertices), facets)
     return Reflector(reflector.surface.moved(placement), obstacles, placement)
 
 

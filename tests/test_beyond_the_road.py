@@ -64,7 +64,8 @@ def test_every_preset_sees_the_scene_all_over(name: str) -> None:
                              np.stack([x, y, np.zeros_like(x)], axis=1) - setting.eye)
     landed = landing_points(trace, setting.plane_z_mm)[trace.status == 0]
     assert len(landed) > 8500
-    assert (landed[:, 0] > BEYOND_MM[0]).all() and (landed[:, 0] < BEYOND_MM[1]).all()
+    assert (landed[:, 0] > BEYOND_MM[0]).all()
+    assert (landed[:, 0] < BEYOND_MM[1]).all()
     assert (np.abs(landed[:, 1]) < BEYOND_MM[3]).all()
 
 

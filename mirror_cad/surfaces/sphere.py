@@ -75,8 +75,8 @@ def spherical_domain(sag: SphericalSag, box: Box, wanted: Box) -> Box:
     farthest = _farthest_corner(sag, box)
     if farthest > reach:
         raise ProfileError(
-            f"the sphere of {1.0 / abs(sag.kappa):.1f} mm does not reach the corners of the mirror's box, {farthest:.1f} mm from "
-            f"its axis: a sheet of it ends at {reach:.1f} mm, where it is steeper than 80°; raise the radius or make the "
+            f"the sphere of {1.0 / abs(sag.kappa):.1f} mm does not reach the corners of the mirror's box, {farthest:.1f} mm "
+            f"from its axis: a sheet of it ends at {reach:.1f} mm, where it is steeper than 80°; raise the radius or make the "
             "outline smaller")
     if _farthest_corner(sag, wanted) <= reach:
         return wanted

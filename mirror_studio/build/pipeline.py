@@ -20,6 +20,8 @@ from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.outline.files import write_dxf
+from mirror_cad.own_files import hand_of
+from mirror_cad.reflection import reflected_mesh, reflected_points, reflected_surface
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
@@ -36,7 +38,7 @@ from raytrace.measures.ghost import ghost
 from raytrace.measures.lane import lane_straightness
 from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.measures.registry import measures_of
-from raytrace.placement import Placement
+from raytrace.placement import Placement, moved
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, load_picture
@@ -85,24 +87,27 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     eye = setting.eye
     step, stl = folder / f"{name}.step", folder / f"{name}.stl"
     progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
-    points = mirror.grid_points()
+    made, points = mirror.as_made, mirror.grid_points()  # what the files hold; the figures are those of the design
     mirror.export_step(step)
     mirror.export_surface_step(folder / f"{name}-surface.step")
     mirror.export_stl(stl)
-    write_points(folder / f"{name}-points.csv", points)
-    write_dxf(mirror.outline, folder / "outline.dxf")
-    step_file, files = checks.check_step(step, mirror)
-    read_back = step_file.optical_surface()
-    files |= checks.check_surface_step(folder / f"{name}-surface.step", mirror)
-    files |= checks.check_outline(folder / "outline.dxf", mirror)
-    files |= checks.check_points(folder / f"{name}-points.csv", points)
+    written = reflected_points(points) if made.reflected else points
+    write_points(folder / f"{name}-points.csv", written)
+    write_dxf(made.outline, folder / "outline.dxf")
+    step_file, files = checks.check_step(step, made)
+    read_back, facets_back = step_file.optical_surface(), read_stl(stl)
+    files |= checks.check_surface_step(folder / f"{name}-surface.step", made)
+    files |= checks.check_outline(folder / "outline.dxf", made)
+    files |= checks.check_points(folder / f"{name}-points.csv", written)
+    if made.reflected:  # and back, into the frame of the design
+        read_back, facets_back = reflected_surface(read_back), reflected_mesh(facets_back)
 
     progress.step(f"{name}: curvature deviation")
-    deviation = mirror.deviation(read_back, read_stl(stl))
+    deviation = mirror.deviation(read_back, facets_back)
     progress.step(f"{name}: tracing the driver's view")
     scene = setting.scene(picture, spec)
     frame = Frame.around(mirror.box, spec.view.width_px)
-    reflector = reflector_of(step_file, spec.glass.index)
+    reflector = moved(reflector_of(step_file, spec.glass.index), Placement.identity("file", spec.part.hand))
     view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
     view_png = write_png(folder / "driver-view.png", view)
     use = setting.in_use(reflector, mirror)
@@ -125,8 +130,8 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         "methods": methods,
         "rays": rays,
         "eye_mm": [float(value) for value in eye],
-        "plate": {"area_mm2": mirror.plate.area_mm2, "volume_mm3": mirror.plate.volume_mm3,
-                  "back_error_mm": mirror.plate.back_error_mm},
+        "plate": {"area_mm2": made.plate.area_mm2, "volume_mm3": made.plate.volume_mm3,
+                  "back_error_mm": made.plate.back_error_mm},
         "files": files,
     }
     if spec.glass.reflecting == "back":
@@ -166,6 +171,10 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     progress.step(f"{path.name}: reading")
     reflector = load_reflector(path, face, normals, spec.glass.index, progress.share, place)
     placement = stated_placement(path.name, reflector, progress)
+    hand = hand_of(path)
+    if hand is not None and "hand" in spec.part.model_fields_set and hand != spec.part.hand:
+        progress.step(f"{path.name}: note: the file has a {hand}-hand mirror, {spec.name} states part.hand = "
+                      f"\"{spec.part.hand}\": the file's hand is taken")
     box = _front_box(reflector)
     setting = ViewingSetup.of(spec, box)
     eye, use = setting.eye, setting.in_use(reflector)
@@ -220,10 +229,12 @@ def refuse_unreflected(name: str, rays: Mapping[str, int], placement: Placement)
 def _facets(stl: Path, mirror: Mirror) -> Reflector:
     """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
     if mirror.spec.glass.reflecting == "front":
-        return load_reflector(stl)
+        return load_reflector(stl, place="auto")  # in the frame of the design, whichever hand the file has
     from mirror_cad.occt.tessellate import read_stl
 
     mesh, domain = read_stl(stl), mirror.surface.domain
+    if mirror.as_made.reflected:
+        mesh = reflected_mesh(mesh)
     x, y = np.clip(mesh.vertices[:, 0], *domain[:2]), np.clip(mesh.vertices[:, 1], *domain[2:])
     on_back = np.linalg.norm(mirror.surface.evaluate(x, y) - mesh.vertices, axis=1) < 0.5 * mirror.spec.glass.thickness_mm
     return Reflector.of_mesh(SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))

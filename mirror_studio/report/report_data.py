@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mirror_cad.deviation import CurvatureDeviation
 from mirror_cad.mirror import Mirror
+from mirror_cad.reflection import reflected_surface
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, rms_norm, shape_operator
 from mirror_studio.report.cuts import Cut, cuts, cuts_table
@@ -59,7 +60,7 @@ class ReportData:
 
 def find(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurface, metrics: Mapping[str, Any],
          file: StepFile | None = None, seen: OpticalSurface | None = None) -> ReportData:
-    """Of a mirror whose optical face reads back as `read_back`.
+    """Of a mirror whose optical face reads back as `read_back`, in the frame of the design.
 
     metrics : as metrics.json.   file : the STEP file as read, None without the kernel.
     seen : what the eye looks at; without it, the face itself.
@@ -68,10 +69,12 @@ def find(mirror: Mirror, deviation: CurvatureDeviation, read_back: BSplineSurfac
     seen = seen or BSplineFace(read_back, (mirror.outline.polyline(TRIM_CHORD_MM),))
     fields = deviation_fields(deviation, mirror.spec.limits.curvature_percent)
     rms = rms_norm(deviation.designed, deviation.grid.weights)
+    made = mirror.as_made
+    in_file = reflected_surface(read_back) if made.reflected else read_back  # what CAD shows to who checks it by hand
     straightness = (metrics.get("lane_straightness_percent") or {}).get("traced")
     return ReportData(
         fields, histogram(deviation, fields), _measures(metrics), uncertainty(mirror, deviation, read_back, fields),
-        requirements(mirror, deviation, metrics), probe(read_back, mirror.outline), cuts(mirror, read_back, rms, fields.unit),
+        requirements(mirror, deviation, metrics), probe(in_file, made.outline), cuts(mirror, read_back, rms, fields.unit),
         step_change(mirror, deviation, read_back, file), lane_image(seen, setting.eye, setting.lane, mirror.box, straightness),
         _maps(mirror, read_back, rms), seen)
 

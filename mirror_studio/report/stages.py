@@ -151,7 +151,8 @@ def model_sentences(deviation: CurvatureDeviation, method: str, floor: Floor | N
     return f"{size}; integration, fit and STEP add at most {with_unit(rest, '%', 2)} each{share}."
 
 
-SPHERE_REASON = "The model stage is rounding: the model is the sphere of the radius that both laws state, and holds them everywhere."
+SPHERE_REASON = ("The model stage is rounding: the model is the sphere of the radius that both laws state, and holds them "
+                 "everywhere.")
 
 
 def _decoupled_reason(held: bool) -> str:

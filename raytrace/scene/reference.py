@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 BUILT_IN = "road"
-# The part of the plane that the built-in picture shows, (X_min, X_max, Y_min, Y_max), and that of the coarser one that continues
-# it, mm, where the first is as wide and stands where the paper's scene has it.
+# The part of the plane that the built-in picture shows, (X_min, X_max, Y_min, Y_max), and that of the coarser one that
+# continues it, mm, where the first is as wide and stands where the paper's scene has it.
 ROAD_MM, BEYOND_MM = (-6800.0, 2200.0, -5400.0, 5400.0), (-9000.0, 3200.0, -6800.0, 6800.0)
 # What lies beside the picture: dark, so that the mirror keeps its outline where it sees farther than the picture reaches.
 BESIDE = np.array([52.0, 54.0, 58.0])
@@ -129,7 +129,8 @@ def _between(place, column, row):
     m = np.int64(np.uint32(3 * (i * columns + j)))
     here, beneath, corner = (1.0 - a) * (1.0 - b), a * (1.0 - b), a * b
     across = (1.0 - a) * b
-    return (here * picture[m] + across * picture[m + right] + beneath * picture[m + below] + corner * picture[m + below + right],
+    return (here * picture[m] + across * picture[m + right]
+            + beneath * picture[m + below] + corner * picture[m + below + right],
             here * picture[m + 1] + across * picture[m + right + 1]
             + beneath * picture[m + below + 1] + corner * picture[m + below + right + 1],
             here * picture[m + 2] + across * picture[m + right + 2]
