@@ -93,7 +93,8 @@ def test_the_files_say_their_hand(pair: dict[str, Path], tmp_path: Path) -> None
     text = (pair["right"] / "progressive-c.step").read_text("ascii")
     (tmp_path / "old.step").write_text(text.replace("right-hand mirror", "Open CASCADE Model"), encoding="ascii")
     assert hand_of(tmp_path / "old.step") == "left"
-    write_step(tmp_path / "other.step", [Part(read_step(pair["right"] / "progressive-c.step").shape, "part", GLASS_COLOUR)], "x")
+    shape = read_step(pair["right"] / "progressive-c.step").shape
+    write_step(tmp_path / "other.step", [Part(shape, "part", GLASS_COLOUR)], "x")
     (tmp_path / "other.step").write_text(
         (tmp_path / "other.step").read_text("ascii").replace("'mirror-cad',''", "'other',''"), encoding="ascii")
     assert hand_of(tmp_path / "other.step") is None
