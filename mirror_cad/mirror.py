@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from html import escape
 from pathlib import Path
@@ -31,6 +31,7 @@ from mirror_cad.profile import (
     integrate_ode,
     sine_of_tangent_angle,
 )
+from mirror_cad.reflection import reflected_mesh, reflected_surface
 from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec, Target
@@ -97,6 +98,9 @@ class Mirror:
     from_view : FromView or None
         How the surface of a wanted view was found. Such a mirror has no laws: `curvature` is what it has along y = 0, and
         `exact` the decoupled surface of that.
+    reflected : bool
+        Whether surface, outline and box are those of the part that is made, which of a right-hand mirror is the reflection of
+        the design (`as_made`).
     """
 
     spec: MirrorSpec
@@ -112,6 +116,7 @@ class Mirror:
     matched: tuple[str, float] | None
     notes: tuple[str, ...]
     from_view: FromView | None = None
+    reflected: bool = False
 
     def __repr__(self) -> str:
         return f"<Mirror {self.spec.name!r}: {'; '.join(f'{name} {value}' for name, value in self._main_figures())}>"
@@ -131,6 +136,18 @@ class Mirror:
                 ("section H-FOV", f"{h_fov:.2f}°"), ("section V-FOV at the left edge", f"{v_fov:.2f}°"),
                 ("surface", f"{self.spec.surface.method}, degree {self.surface.degree_u} × {self.surface.degree_v}"
                             + ("" if self.fit.met else ", a tolerance is missed"))]
+
+    @cached_property
+    def as_made(self) -> Mirror:
+        """The mirror as its files have it: itself, or for `[part] hand = "right"` its reflection in x = 0.
+
+        Surface, outline and box of that one, and what follows from them, are reflected; the laws are the left-hand mirror's.
+        """
+        if self.reflected or self.spec.part.hand == "left":
+            return self
+        outline = self.outline.mirrored()
+        return replace(self, surface=reflected_surface(self.surface), outline=outline, box=outline.bounding_box(),
+                       reflected=True)
 
     @cached_property
     def plate(self) -> Plate:
@@ -187,10 +204,11 @@ class Mirror:
         """
         from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
 
-        name, faces = self.spec.name, {OPTICAL_FACE: self.plate.optical}
+        plate, name = self.as_made.plate, self.spec.name
+        faces = {OPTICAL_FACE: plate.optical}
         if self.spec.glass.reflecting == "back":
-            faces[FRONT_FACE] = self.plate.front_face
-        write_step(Path(path), [Part(self.plate.solid, name, GLASS_COLOUR, faces)], name)
+            faces[FRONT_FACE] = plate.front_face
+        write_step(Path(path), [Part(plate.solid, name, GLASS_COLOUR, faces)], name, self.spec.part.hand)
 
     def export_surface_step(self, path: str | Path) -> None:
         """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire.
@@ -208,11 +226,11 @@ class Mirror:
         from mirror_cad.occt.solid import outer_wire, sheet
         from mirror_cad.occt.step import OPTICAL_COLOUR, OPTICAL_FACE, TRIM_CURVE, Part, write_step
 
-        name = f"{self.spec.name}-surface"
-        shell, face = sheet(self.surface, self.sheet_box())
+        made, name = self.as_made, f"{self.spec.name}-surface"
+        shell, face = sheet(made.surface, made.sheet_box())
         parts = [Part(shell, name, OPTICAL_COLOUR, {OPTICAL_FACE: face}),
-                 Part(outer_wire(self.plate.optical), TRIM_CURVE)]
-        write_step(Path(path), parts, name)
+                 Part(outer_wire(made.plate.optical), TRIM_CURVE)]
+        write_step(Path(path), parts, name, self.spec.part.hand)
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
         """Write the plate as binary STL, no facet farther than the deflection from its face.
@@ -235,18 +253,19 @@ class Mirror:
         from mirror_cad.occt.plate_mesh import plate_mesh
         from mirror_cad.occt.tessellate import write_mesh
 
+        made = self.as_made
         wanted = self.spec.export.stl_deflection_mm if deflection_mm is None else deflection_mm
         if not 0.0 < wanted < np.inf:
             raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: it must be finite and above 0")
-        rounding = STL_ROUNDING * float(np.abs(self.plate.offset.poles).max())
+        rounding = STL_ROUNDING * float(np.abs(made.plate.offset.poles).max())
         if wanted < 2.0 * rounding:
             raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: STL rounds the corners of this plate to "
                              f"{rounding:.1g} mm; ask for {2.0 * rounding:.1g} mm or more")
         try:
-            mesh = plate_mesh(self.plate.front, self.plate.back, self.outline, wanted - rounding)
+            mesh = plate_mesh(made.plate.front, made.plate.back, made.outline, wanted - rounding)
         except WriteError as error:
             raise WriteError(f"{path}: {error}") from None
-        write_mesh(Path(path), mesh)
+        write_mesh(Path(path), mesh, self.spec.part.hand)
 
     def sheet_box(self) -> Box:
         """The outline's box with the margin of [export] on every side, as far as the surface exists."""
@@ -283,9 +302,9 @@ class Mirror:
         Parameters
         ----------
         read_back : BSplineSurface, optional
-            The optical face as read from STEP.
+            The optical face as read from STEP, in the frame of the design: of a right-hand mirror reflected again.
         stl : SurfaceMesh, optional
-            The plate as read from STL. Without both, the files are written to a temporary folder and read back here.
+            The plate as read from STL, likewise. Without both, the files are written to a temporary folder and read back here.
 
         Raises
         ------
@@ -301,6 +320,8 @@ class Mirror:
                 self.export_stl(Path(folder) / "mirror.stl")
                 read_back = read_step(Path(folder) / "mirror.step").optical_surface()
                 stl = read_stl(Path(folder) / "mirror.stl")
+            if self.as_made.reflected:
+                read_back, stl = reflected_surface(read_back), reflected_mesh(stl)
         if self.spec.glass.reflecting == "back":
             # Seen from the glass, where light meets the optical face.
             stl = SurfaceMesh(stl.vertices, stl.faces[:, ::-1].copy())
@@ -311,7 +332,7 @@ class Mirror:
 
     def to_build123d(self) -> build123d.Part:
         """The plate as a build123d Part (mm)."""
-        plate = self.plate  # its kernel is checked before build123d loads it
+        plate = self.as_made.plate  # its kernel is checked before build123d loads it
         import build123d
 
         return build123d.Part([build123d.Solid(plate.solid)], label=self.spec.name)
@@ -323,7 +344,7 @@ class Mirror:
         check_kernel_for_cadquery()
         import cadquery
 
-        return cadquery.Workplane(obj=cadquery.Solid(self.plate.solid))
+        return cadquery.Workplane(obj=cadquery.Solid(self.as_made.plate.solid))
 
 
 def design(spec: MirrorSpec) -> Mirror:

@@ -100,7 +100,8 @@ def trace_metrics_as_json(metrics: TraceMetrics) -> JsonObject:
 def placement_as_json(placement: Placement) -> JsonObject:
     """Where a mirror is in its file."""
     origin, normal, up = ([float(v) for v in vector] for vector in (placement.origin_mm, placement.normal, placement.up))
-    return {"origin_mm": origin, "normal": normal, "up": up, "from": placement.source}
+    frame: dict[str, Json] = {"origin_mm": origin, "normal": normal, "up": up, "from": placement.source}
+    return frame if placement.hand == "left" else frame | {"hand": placement.hand}
 
 
 def manifest_as_json(mirror: Mirror, manifest: Manifest) -> JsonObject:

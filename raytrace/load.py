@@ -42,15 +42,16 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
 
     `place` says in which coordinates: "file", those of the file, in which a script shoots its rays; "face", mirror coordinates
     by the face's own frame (`raytrace.seating` has the rules); a `raytrace.Placement`, mirror coordinates as it states them;
-    "auto", as the commands have it: "file" for a file that `mirror-cad build` wrote, "face" for any other. The placement that
-    was taken is `reflector.placement`.
+    "auto", as the commands have it: those of the file for one that `mirror-cad build` wrote, "face" for any other. A right-hand
+    mirror of `build` is reflected into mirror coordinates, which are the left-hand one's, unless they are the file's. The
+    placement that was taken is `reflector.placement`.
     Raises: FileError for a file that cannot be read or holds no face; TraceError for another kind of file, or where no face
     is the chosen one.
     """
-    from mirror_cad.own_files import written_by_us
+    from mirror_cad.own_files import hand_of
     from raytrace.seating import seated
 
-    return seated(_as_filed(Path(path), face, normals, index, progress), written_by_us(Path(path)), place)
+    return seated(_as_filed(Path(path), face, normals, index, progress), hand_of(Path(path)), place)
 
 
 def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, index: float,

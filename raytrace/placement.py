@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
 
 Array = NDArray[np.float64]
@@ -19,17 +20,19 @@ LARGEST_MM = 1e9  # of an origin that is stated: farther away no digit is left f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """The mirror's frame in the coordinates of its file: p_mirror = R·(p_file − o), the rows of R being up × n, up and n.
+    """The mirror's frame in the coordinates of its file: p_mirror = R·(p_file − o), the rows of R being ±up × n, up and n.
 
     origin_mm (3,) : o, the point of the mirror surface that becomes the origin.   normal (3,) : n, unit, towards the driver.
     up (3,) : unit, across the normal.   source : who says so: the file (it is in mirror coordinates), the face that reflects,
-    or the user.
+    or the user.   hand : of the mirror, where its file says so. Mirror coordinates are those of the left-hand mirror: a
+    right-hand one is reflected in x = 0, so that its measures are those of the left-hand one it was designed as.
     """
 
     origin_mm: Array
     normal: Array
     up: Array
     source: Source = "stated"
+    hand: Hand = "left"
 
     @staticmethod
     def of(origin_mm: ArrayLike, normal: ArrayLike, up: ArrayLike, source: Source = "stated") -> Placement:
@@ -55,14 +58,15 @@ class Placement:
         return Placement(origin, n, _unit(across - (across @ n) * n), source)
 
     @staticmethod
-    def identity(source: Source = "file") -> Placement:
+    def identity(source: Source = "file", hand: Hand = "left") -> Placement:
         """Of a file in mirror coordinates."""
-        return Placement(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), source)
+        return Placement(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), source, hand)
 
     @property
     def rotation(self) -> Array:
-        """R (3, 3): directions of the file to those of the mirror."""
-        return np.stack([np.cross(self.up, self.normal), self.up, self.normal])
+        """R (3, 3): directions of the file to those of the mirror; its determinant is −1 for a right-hand mirror."""
+        across = np.cross(self.up, self.normal)
+        return np.stack([across if self.hand == "left" else -across, self.up, self.normal])
 
     @property
     def is_identity(self) -> bool:
@@ -83,7 +87,9 @@ class Placement:
         origin = ", ".join(f"{round(float(v), 6) + 0.0:.9g}" for v in self.origin_mm)
         normal, up = (", ".join(f"{round(float(v), 6) + 0.0:g}" for v in vector) for vector in (self.normal, self.up))
         said = {"file": "the file is in mirror coordinates", "face": "found from the face", "stated": "as stated"}[self.source]
-        return f"origin ({origin}) mm, normal ({normal}), up ({up}): {said}"
+        hand = "" if self.hand == "left" else ("; a right-hand mirror by its file, taken as the left-hand one that it is the "
+                                               "reflection of")
+        return f"origin ({origin}) mm, normal ({normal}), up ({up}): {said}{hand}"
 
 
 def _unit(vector: Array) -> Array:

@@ -91,7 +91,7 @@ class Reflector:
     def moved(self, placement: Placement) -> Reflector:
         """Bring the reflector of a file to mirror coordinates, with what stands in the way, and note the placement.
 
-        Parameters, loops and facets stay, so the motion is exact but for rounding.
+        Parameters, loops and facets stay, but for the sense of a right-hand mirror's, so the motion is exact but for rounding.
 
         Parameters
         ----------
@@ -101,7 +101,8 @@ class Reflector:
             return replace(self, placement=placement)
         obstacles = self.obstacles
         if obstacles is not None:
-            obstacles = SurfaceMesh(placement.to_mirror(obstacles.vertices), obstacles.faces)
+            facets = obstacles.faces if placement.hand == "left" else np.ascontiguousarray(obstacles.faces[:, ::-1])
+            obstacles = SurfaceMesh(placement.to_mirror(obstacles.vertices), facets)
         return Reflector(self.surface.moved(placement), obstacles, placement)
 
     @cached_property

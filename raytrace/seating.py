@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
 from raytrace.placement import Placement
 from raytrace.reflector import Reflector
@@ -54,13 +55,15 @@ JUDGED = 2  # the step at which the normal is near enough to its end to judge wh
 MAX_STEPS = 60  # of its iteration, each of which leaves a twentieth of the error, or less
 
 
-def seated(reflector: Reflector, ours: bool, place: Place = "auto") -> Reflector:
+def seated(reflector: Reflector, ours: Hand | None, place: Place = "auto") -> Reflector:
     """The reflector of a file in the coordinates that `place` asks for, its placement noted.
+
+    A right-hand mirror is reflected into the left-hand one's mirror coordinates, unless its file's own are asked for.
 
     Parameters
     ----------
     reflector : in the coordinates of the file.
-    ours : whether our own `build` wrote the file, as `mirror_cad.own_files` tells.
+    ours : the hand of a mirror whose file our own `build` wrote, None for another's, as `mirror_cad.own_files` tells.
     place : a Placement; "face", its own frame; "file", the file's coordinates as they are; "auto", the latter for our own
         files, which are in mirror coordinates, and the former for all others.
 
@@ -69,13 +72,16 @@ def seated(reflector: Reflector, ours: bool, place: Place = "auto") -> Reflector
     TraceError
         For another `place`, or where a face's frame cannot be found.
     """
+    hand = ours or "left"
     if isinstance(place, Placement):
-        return reflector.moved(replace(place, source="stated"))
+        return reflector.moved(replace(place, source="stated", hand=hand))
     if place not in ("auto", "face", "file"):
         raise TraceError(f"place = {place!r}: a Placement, \"auto\", \"face\" or \"file\" says where the mirror is")
-    if place == "file" or (place == "auto" and ours):
+    if place == "file":
         return reflector.moved(Placement.identity("file"))
-    return reflector.moved(find_placement(reflector))
+    if place == "auto" and ours is not None:
+        return reflector.moved(Placement.identity("file", hand))
+    return reflector.moved(replace(find_placement(reflector), hand=hand))
 
 
 def place_from(text: str) -> Place:

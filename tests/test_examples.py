@@ -83,7 +83,7 @@ def test_own_vehicle(run: Any) -> None:
 
 def level_azimuths_deg(view: Any, van: Any) -> Any:
     x_min, x_max, y_min, y_max = view.box
-    rays = view.trace(*np.meshgrid(np.linspace(1.1 * x_min, 1.1 * x_max, 500), np.linspace(1.1 * y_min, 1.1 * y_max, 500)))
+    rays = view.trace_places(*np.meshgrid(np.linspace(1.1 * x_min, 1.1 * x_max, 500), np.linspace(1.1 * y_min, 1.1 * y_max, 500)))
     level = rays.seen & (np.abs(rays.directions[:, 2]) < 1e-3)
     starts, directions = rays.points[level], rays.directions[level]
     passing = directions[~van.hides(starts, starts + 1e5 * directions)]

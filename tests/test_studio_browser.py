@@ -166,7 +166,7 @@ def test_presets_and_undo(page: Page) -> None:
     page.select_option("#preset", "sphere-950")
     revision_after(page, before)
     settled(page)
-    expect(page.get_by_test_id("straightness")).to_have_text("15.49")
+    expect(page.get_by_test_id("straightness")).to_have_text("16.77")
     assert key(page, "horizontal.radius_mm") == 950
     page.click("#undo")
     page.wait_for_function("document.querySelector('[data-testid=straightness]').textContent === '40.91'", timeout=SOON)
@@ -482,7 +482,7 @@ def test_a_broken_address_is_no_broken_page(tail: str, page: Page, studio: Studi
     page.wait_for_function("Number(document.querySelector('[data-testid=driver-view]').dataset.revision) > 0"
                            " || document.querySelector('[data-testid=error]').textContent !== ''", timeout=SOON)
     page.select_option("#preset", "sphere-950")
-    page.wait_for_function("document.querySelector('[data-testid=straightness]').textContent === '15.49'", timeout=SOON)
+    page.wait_for_function("document.querySelector('[data-testid=straightness]').textContent === '16.77'", timeout=SOON)
 
 
 def test_a_specification_comes_in_and_a_table_goes_out_and_in(page: Page, tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentToo
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.occt.convert import face_as_bspline, face_as_quadric
 from mirror_cad.occt.shapes import faces_of
+from mirror_cad.own_files import Hand, hand_in_words
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
 
@@ -96,8 +97,8 @@ class StepFile:
         return found[0]
 
 
-def write_step(path: Path, parts: list[Part], title: str) -> None:
-    """Write parts as one AP242 file in mm. The header's time follows SOURCE_DATE_EPOCH.
+def write_step(path: Path, parts: list[Part], title: str, hand: Hand | None = None) -> None:
+    """Write parts as one AP242 file in mm. The header's time follows SOURCE_DATE_EPOCH; it says which hand a mirror is.
 
     Raises: WriteError where the kernel cannot write it.
     """
@@ -128,7 +129,7 @@ def write_step(path: Path, parts: list[Part], title: str) -> None:
     writer.SetNameMode(True)
     if not writer.Transfer(document, STEPControl_AsIs):
         raise WriteError(f"{path}: the kernel cannot turn the shapes into STEP")
-    _write_header(writer, title)
+    _write_header(writer, title, hand)
     if writer.Write(str(path)) != IFSelect_RetDone:
         raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
@@ -157,12 +158,15 @@ def _face_name(reader: STEPControl_Reader, face: TopoDS_Face) -> str:
     return str(name.ToCString()) if name is not None else ""
 
 
-def _write_header(writer: STEPCAFControl_Writer, title: str) -> None:
+def _write_header(writer: STEPCAFControl_Writer, title: str, hand: Hand | None) -> None:
     header = APIHeaderSection_MakeHeader(writer.ChangeWriter().Model())
     stamp = time.gmtime(int(os.environ.get("SOURCE_DATE_EPOCH", str(int(time.time())))))
     header.SetName(TCollection_HAsciiString(title))
     header.SetTimeStamp(TCollection_HAsciiString(time.strftime("%Y-%m-%dT%H:%M:%S", stamp)))
-    for setter, text in ((header.SetAuthor, "mirror-cad user"), (header.SetOrganization, "unspecified")):
+    texts = [(header.SetAuthor, "mirror-cad user"), (header.SetOrganization, "unspecified")]
+    if hand is not None:
+        texts.append((header.SetDescription, hand_in_words(hand)))
+    for setter, text in texts:
         array = Interface_HArray1OfHAsciiString(1, 1)
         array.SetValue(1, TCollection_HAsciiString(text))
         setter(array)

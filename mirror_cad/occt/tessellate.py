@@ -16,11 +16,12 @@ from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.own_files import Hand, hand_in_words
 
 # The chordal deflection alone decides: an angular limit this wide never adds a triangle on a mirror.
 ANGULAR_DEFLECTION_RAD = 1.0
 
-STL_HEADER = b"mirror-cad, binary STL, mm"  # it must not begin with "solid", which is how a text file begins
+STL_HEADER = "mirror-cad, binary STL, mm"  # it must not begin with "solid", which is how a text file begins
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -56,8 +57,8 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
     return SurfaceMesh(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]), faces)
 
 
-def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
-    """Write triangles as binary STL: float32 corners, facets in the mesh's order.
+def write_mesh(path: Path, mesh: SurfaceMesh, hand: Hand | None = None) -> None:
+    """Write triangles as binary STL: float32 corners, facets in the mesh's order; the header says which hand a mirror is.
 
     Facets that float32 leaves without three different corners are left out. Raises: WriteError where the file cannot be
     written, or reads back different.
@@ -70,7 +71,8 @@ def write_mesh(path: Path, mesh: SurfaceMesh) -> None:
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     records["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     records["corners"] = corners
-    header = STL_HEADER.ljust(80) + np.uint32(len(records)).astype("<u4").tobytes()
+    said = STL_HEADER if hand is None else f"{STL_HEADER}, {hand_in_words(hand)}"
+    header = said.encode("ascii").ljust(80) + np.uint32(len(records)).astype("<u4").tobytes()
     try:
         path.write_bytes(header + records.tobytes())
     except OSError as error:

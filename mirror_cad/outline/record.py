@@ -139,6 +139,10 @@ class Outline:
         """The outline moved by (dx, dy) mm."""
         return Outline(tuple(segment.moved(dx, dy) for segment in self.segments))
 
+    def mirrored(self) -> Outline:
+        """The outline reflected in x = 0, counter-clockwise as well."""
+        return Outline(tuple(segment.mirrored().reversed() for segment in reversed(self.segments)))
+
 
 def _arc_moved_to(arc: Arc, start: Point, end: Point) -> Arc:
     """`arc` with its ends moved by less than a join tolerance to `start` and `end`."""

@@ -80,6 +80,10 @@ class Line:
         """
         return Line((self.start[0] + dx, self.start[1] + dy), (self.end[0] + dx, self.end[1] + dy))
 
+    def mirrored(self) -> Line:
+        """The line reflected in x = 0."""
+        return Line((-self.start[0], self.start[1]), (-self.end[0], self.end[1]))
+
     def bounds(self) -> Bounds:
         """(x_min, x_max, y_min, y_max) in mm, exact."""
         (x0, y0), (x1, y1) = self.start, self.end
@@ -212,6 +216,10 @@ class Arc:
             mm.
         """
         return Arc((self.centre[0] + dx, self.centre[1] + dy), self.radius_mm, self.start_angle, self.sweep)
+
+    def mirrored(self) -> Arc:
+        """The arc reflected in x = 0."""
+        return Arc((-self.centre[0], self.centre[1]), self.radius_mm, math.pi - self.start_angle, -self.sweep)
 
     def bounds(self) -> Bounds:
         """(x_min, x_max, y_min, y_max) in mm, exact: the ends and the quadrant points the arc passes."""

@@ -149,6 +149,10 @@ class Spline:
         """
         return Spline(self.degree, self.knots, self.poles + np.array([dx, dy]), self.weights)
 
+    def mirrored(self) -> Spline:
+        """The spline reflected in x = 0."""
+        return Spline(self.degree, self.knots, self.poles * np.array([-1.0, 1.0]), self.weights)
+
     def bounds(self) -> Bounds:
         """(x_min, x_max, y_min, y_max) in mm, exact: the ends of every span and the extrema inside it.
 

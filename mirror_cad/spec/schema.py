@@ -140,17 +140,17 @@ def _spans(value: object) -> tuple[int, int] | str:
 
 
 class PartSpec(Section):
-    """What a drawing calls the mirror: said in the report and without effect on the surface.
+    """What a drawing calls the mirror, and which of a pair it is.
 
-    number, revision : “none stated” without one.   hand : the side of the vehicle; the frame stays as it is, x to the right
-    as the driver looks at the mirror, and the files hold what the laws say in it.
+    number, revision : “none stated” without one.   hand : the side of the vehicle. Laws, outline and eye are always those of
+    the left-hand mirror, whose driver sits on its right; the files of a right-hand one hold its reflection in x = 0.
     """
 
     number: Annotated[str | None, Shown("Number", help="Of the drawing: “none stated” without one")] = None
     revision: Annotated[str | None, Shown("Revision")] = None
     hand: Annotated[Literal["left", "right"],
                     Shown("Hand", words=(("left", "left-hand"), ("right", "right-hand")),
-                          help="What the report says; the laws and files stay as they are")] = "left"
+                          help="The files of a right-hand mirror are the reflection of what the laws say")] = "left"
     title: Annotated[str | None, Shown("Title")] = None
 
     @field_validator("number", "revision", "title", mode="after")

@@ -20,8 +20,11 @@ from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror, design
 from mirror_cad.outline.files import write_dxf
+from mirror_cad.own_files import hand_of
+from mirror_cad.reflection import reflected_mesh, reflected_points, reflected_surface
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.as_json import (
     Json,
     JsonObject,
@@ -96,17 +99,20 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         progress.step(f"{name}: note: {note}")
     progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
     step_file, files = _write_and_check(folder, mirror)
-    read_back, stl = step_file.optical_surface(), folder / f"{name}.stl"
+    stl = folder / f"{name}.stl"
+    read_back, facets_back = step_file.optical_surface(), read_stl(stl)
+    if mirror.as_made.reflected:  # and back, into the frame of the design
+        read_back, facets_back = reflected_surface(read_back), reflected_mesh(facets_back)
     progress.step(f"{name}: curvature deviation")
-    deviation = mirror.deviation(read_back, read_stl(stl))
+    deviation = mirror.deviation(read_back, facets_back)
     progress.step(f"{name}: tracing the driver's view")
-    reflector = reflector_of(step_file, spec.glass.index)
+    reflector = reflector_of(step_file, spec.glass.index).moved(Placement.identity("file", spec.part.hand))
     view = _drivers_view(folder, mirror, reflector, picture, progress)
     if spec.has_laws:
         progress.step(f"{name}: decoupled and faithful surface side by side")
     metrics = _measured(mirror, deviation, reflector, view, files, stl)
     progress.step(f"{name}: report")
-    _report(folder, mirror, deviation, metrics, step_file, reflector, view.png, pdf)
+    _report(folder, mirror, deviation, metrics, step_file, read_back, reflector, view.png, pdf)
     from mirror_studio.missed import missed_in_words
     from mirror_studio.report.verdict_table import requirements
 
@@ -129,17 +135,18 @@ def _write_and_check(folder: Path, mirror: Mirror) -> tuple[StepFile, FileChecks
     """Write the files of the part; returns the STEP file as read back, and how far each is from the design."""
     from mirror_studio.build import checks
 
-    name, points = mirror.spec.name, mirror.grid_points()
+    name, made, points = mirror.spec.name, mirror.as_made, mirror.grid_points()
+    written = reflected_points(points) if made.reflected else points
     step, sheet, table, outline = (folder / each for each in (
         f"{name}.step", f"{name}-surface.step", f"{name}-points.csv", "outline.dxf"))
     mirror.export_step(step)
     mirror.export_surface_step(sheet)
     mirror.export_stl(folder / f"{name}.stl")
-    write_points(table, points)
-    write_dxf(mirror.outline, outline)
-    step_file, step_check = checks.check_step(step, mirror)
-    return step_file, FileChecks(step_check, checks.check_surface_step(sheet, mirror), checks.check_outline(outline, mirror),
-                                 checks.check_points(table, points))
+    write_points(table, written)
+    write_dxf(made.outline, outline)
+    step_file, step_check = checks.check_step(step, made)
+    return step_file, FileChecks(step_check, checks.check_surface_step(sheet, made), checks.check_outline(outline, made),
+                                 checks.check_points(table, written))
 
 
 def _drivers_view(folder: Path, mirror: Mirror, reflector: Reflector, picture: Picture, progress: Progress) -> _DriversView:
@@ -158,7 +165,7 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
     mesh = _facets(stl, mirror)
     facets, smooth = (reflected_difference(each, reflector.uncoated, setup.eye, setup.plane_z_mm, mirror.box)
                       for each in (mesh, mesh.interpolated))
-    plate, eye = mirror.plate, setup.eye
+    plate, eye = mirror.as_made.plate, setup.eye
     metrics = Metrics(
         h_fov_deg=FieldOfView(figures["h_fov_section_deg"], figures["h_fov_traced_deg"]),
         v_fov_left_deg=FieldOfView(figures["v_fov_left_section_deg"], figures["v_fov_left_traced_deg"]),
@@ -177,15 +184,15 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
     return replace(metrics, limits=tuple(view_requirements(mirror, metrics)))
 
 
-def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, step_file: StepFile, reflector: Reflector,
-            view_png: bytes, pdf: bool) -> None:
+def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, step_file: StepFile,
+            read_back: BSplineSurface, reflector: Reflector, view_png: bytes, pdf: bool) -> None:
     """Write the figures as JSON and tables, the report and the manifest, which names every other file."""
     from mirror_studio.report import find, write_findings, write_pdf, write_report
 
     write_json(folder / "metrics.json", metrics_as_json(metrics))
     write_json(folder / "deviation.json", deviation_as_json(deviation, metrics.target))
     manifest = Manifest(spec_as_json(mirror.spec), versions(), mirror.notes)
-    findings = find(mirror, deviation, step_file.optical_surface(), metrics, step_file, reflector.surface)
+    findings = find(mirror, deviation, read_back, metrics, step_file, reflector.surface)
     write_findings(folder, mirror, deviation, findings, manifest)
     manifest = replace(manifest, files=hashes(folder))
     write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
@@ -210,6 +217,10 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     progress.step(f"{path.name}: reading")
     reflector = load_reflector(path, face, normals, spec.glass.index, progress.share, place)
     placement = stated_placement(path.name, reflector, progress)
+    hand = hand_of(path)
+    if hand is not None and "hand" in spec.part.model_fields_set and hand != spec.part.hand:
+        progress.step(f"{path.name}: note: the file has a {hand}-hand mirror, {spec.name} states part.hand = "
+                      f"\"{spec.part.hand}\": the file's hand is taken")
     box = _front_box(reflector)
     setup = ViewingSetup.of(spec, box)
     eye, use = setup.eye, setup.in_use(reflector)
@@ -262,10 +273,12 @@ def refuse_unreflected(name: str, rays: Mapping[str, int], placement: Placement)
 def _facets(stl: Path, mirror: Mirror) -> Reflector:
     """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
     if mirror.spec.glass.reflecting == "front":
-        return load_reflector(stl)
+        return load_reflector(stl, place="auto")  # in the frame of the design, whichever hand the file has
     from mirror_cad.occt.tessellate import read_stl
 
     mesh, domain = read_stl(stl), mirror.surface.domain
+    if mirror.as_made.reflected:
+        mesh = reflected_mesh(mesh)
     x, y = np.clip(mesh.vertices[:, 0], *domain[:2]), np.clip(mesh.vertices[:, 1], *domain[2:])
     on_back = np.linalg.norm(mirror.surface.evaluate(x, y) - mesh.vertices, axis=1) < 0.5 * mirror.spec.glass.thickness_mm
     return Reflector.of_mesh(SurfaceMesh(mesh.vertices, mesh.faces[on_back[mesh.faces].all(axis=1)]))

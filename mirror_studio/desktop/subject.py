@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirror_cad.cad_file import read_cad
 from mirror_cad.errors import FileError
 from mirror_cad.mirror import design
-from mirror_cad.own_files import written_by_us
+from mirror_cad.own_files import hand_of
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
@@ -83,11 +83,12 @@ def _of_cad(path: Path) -> Subject:
         sheets.append(sheet(as_spline.surface, as_spline.loops, quadric=quadric))
     starts = np.cumsum([0, *(len(each.vertices) for each in sheets[:-1])])
     spec = load_spec(LENDER)
-    reflector = seated(reflector_from_cad(file, None, spec.glass.index, "facets"), written_by_us(path))
+    reflector = seated(reflector_from_cad(file, None, spec.glass.index, "facets"), hand_of(path))
     placement = reflector.placement or Placement.identity()
     shown = Sheet(placement.to_mirror(np.concatenate([each.vertices for each in sheets])),
                   np.concatenate([each.normals for each in sheets]) @ placement.rotation.T,
-                  np.concatenate([each.faces + start for each, start in zip(sheets, starts, strict=True)]),
+                  np.concatenate([each.faces + start for each, start in zip(sheets, starts, strict=True)])
+                  [:, :: 1 if placement.hand == "left" else -1],
                   {key: np.concatenate([each.fields[key] for each in sheets]) for key in sheets[0].fields})
     return Subject(path.stem, shown, _fan(reflector, shown, spec))
 

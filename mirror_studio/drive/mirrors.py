@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mirror_cad.errors import SpecError
 from mirror_cad.mirror import design
+from mirror_cad.own_files import Hand, hand_of
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_studio.drive.world import MM, eyes_of, host_vehicle_of, pose_of
@@ -39,7 +40,8 @@ FILES = (*CAD_KINDS, ".stl", *MESH_KINDS)
 class DrivenMirror:
     """A mirror on the driver's vehicle: what of it reflects and is seen, its pose, and who looks at it.
 
-    whole : the reflector without its bezel.   spec : what it was designed from, if it was.
+    whole : the reflector without its bezel.   spec : what it was designed from, if it was.   hand : which of a pair its file
+    or specification says it is, None where that says nothing. The reflectors are the left-hand one's, which the pose reflects.
     """
 
     name: str
@@ -49,6 +51,16 @@ class DrivenMirror:
     eyes: Eyes
     host: HostVehicle
     spec: MirrorSpec | None = None
+    hand: Hand | None = None
+
+    @property
+    def of_other_hand(self) -> str | None:
+        """What is to be said where the scene has the mirror of the other side."""
+        if self.hand is None or self.hand == self.pose.hand:
+            return None
+        who = "file" if self.spec is None else "specification"
+        return (f"{self.name}: by its {who} a {self.hand}-hand mirror, while the scene's is the {self.pose.hand}-hand one: its "
+                "reflection is driven")
 
     @cached_property
     def views(self) -> EyeViews:
@@ -98,8 +110,11 @@ def driven_mirror(name_or_path: str, scene: SceneFile, place: Place = "auto") ->
     Raises: MirrorError that says what is wrong with it.
     """
     name, reflector, spec = reflector_named(name_or_path, place)
+    hand = hand_of(Path(name_or_path))
+    if spec is not None:
+        hand = spec.part.hand if "hand" in spec.part.model_fields_set else None
     try:
-        return on_vehicle(name, reflector, scene, spec)
+        return replace(on_vehicle(name, reflector, scene, spec), hand=hand)
     except TraceError as error:
         raise TraceError(f"{name}: {error}") from None
 
@@ -135,14 +150,15 @@ def _refuse_metres(reflector: Reflector) -> None:
 
 
 def exported(spec: MirrorSpec) -> Reflector:
-    """The mirror of a specification, from the STEP file that it is exported to."""
+    """The mirror of a specification, from the STEP file that it is exported to; of a right-hand one the left-hand one again."""
     from mirror_cad.occt.step import read_step
 
     mirror = design(spec)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{spec.name}.step"
         mirror.export_step(path)
-        return reflector_of(read_step(path), spec.glass.index)  # our own file: the kernel, which is here anyway, may read it
+        read = reflector_of(read_step(path), spec.glass.index)  # our own file: the kernel, which is here anyway, may read it
+    return read if spec.part.hand == "left" else read.moved(Placement.identity("file", spec.part.hand))
 
 
 def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:

@@ -40,6 +40,8 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
             mirrors.append(driven_mirror(name, scene, (placements or {}).get(name, "auto")))
             if mirrors[-1].spec is None:
                 stated_placement(mirrors[-1].name, mirrors[-1].whole, progress)
+            if mirrors[-1].of_other_hand:
+                progress.step(f"note: {mirrors[-1].of_other_hand}")
         mirrors = named_apart(mirrors, names)
         progress.step(f"{scene.name}: reading bodies")
         world = World(scene)

@@ -40,7 +40,7 @@ def write_sheet(path: Path, scene: SceneFile, measured: Sequence[Measured],
                for each, change in zip(measured, changes, strict=True)]
     page = templates().get_template("drive.html.j2").render(
         title=f"Scene {scene.name}: {', '.join(each.mirror.name for each in measured)}",
-        facts=_facts(scene, left_out),
+        facts=_facts(scene, left_out) + [("Hand", each.mirror.of_other_hand) for each in measured if each.mirror.of_other_hand],
         lead=_lead(scene) if len(measured) > 1 else "", one_scale=_one_scale(measured),
         lines_percent=f"{100.0 * lines_width:.1f}", radii_of=_designed(measured),
         mirrors=mirrors, groups=groups, way=(ORIENTATION_TITLE, ORIENTATION_DEFINITION, orientations(measured)),

@@ -13,7 +13,9 @@ from mirror_studio.as_json import JsonObject
 from mirror_studio.build.results import Manifest
 
 SIGNATURES = ("made", "checked", "approved")
-HANDS = {"left": "left: the driver sits on its right, x > 0", "right": "right: the driver sits on its left, x < 0"}
+HANDS = {"left": "left: the driver sits on its right, x > 0",
+         "right": "right: the driver sits on its left, x < 0. The files are the reflection in x = 0 of the design, in whose "
+                  "frame laws, figures, tables and pictures are; the points to check are the file's"}
 
 
 def today() -> str:
@@ -52,9 +54,11 @@ def spec_digest(spec: JsonObject) -> str:
 def contradictions(mirror: Mirror) -> list[str]:
     """What in the specification speaks against the hand that it states."""
     spec = mirror.spec
-    inboard = "right" if spec.part.hand == "left" else "left"
-    if spec.eye.aligned in ("left", "right") and spec.eye.aligned != inboard:
-        return [f"This is said to be a {spec.part.hand}-hand mirror, whose driver sits on its {inboard}, but the eye is "
-                f"aligned with its {spec.eye.aligned} edge: part.hand names the part and mirrors nothing. Check the two before "
-                "signing."]
-    return []
+    if spec.eye.aligned != "left":
+        return []
+    if spec.part.hand == "left":
+        return ["This is said to be a left-hand mirror, whose driver sits on its right, but the eye is aligned with its left "
+                "edge. Check the two before signing."]
+    return ["This is said to be a right-hand mirror, whose files are the reflection of what the laws say, but the eye is "
+            "aligned with the left edge of the design, as if the laws had been written for the right-hand side already: they "
+            "would then be reflected twice. Check the two before signing."]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from mirror_cad.deviation import Deviation, differences, percent_of
 from mirror_cad.mirror import Mirror
+from mirror_cad.reflection import reflected_surface
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, rms_norm, shape_operator
 from mirror_studio.as_json import Json, metrics_as_json
@@ -75,7 +76,7 @@ class ReportData:
 
 def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metrics: Metrics,
          file: StepFile | None = None, seen: OpticalSurface | None = None) -> ReportData:
-    """Of a mirror whose optical face reads back as `read_back`.
+    """Of a mirror whose optical face reads back as `read_back`, in the frame of the design.
 
     file : the STEP file as read, None without the kernel.
     seen : what the eye looks at; without it, the face itself.
@@ -84,10 +85,12 @@ def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metric
     seen = seen or BSplineFace(read_back, (mirror.outline.polyline(TRIM_CHORD_MM),))
     fields = deviation_fields(deviation, mirror.spec.limits.curvature_percent)
     rms = rms_norm(deviation.designed, deviation.grid.weights)
+    made = mirror.as_made
+    in_file = reflected_surface(read_back) if made.reflected else read_back  # what CAD shows to who checks it by hand
     straightness = metrics.lane_straightness_percent.traced
     return ReportData(
         fields, histogram(deviation, fields), _measures(metrics), uncertainty(mirror, deviation, read_back, fields),
-        requirements(mirror, deviation, metrics), probe(read_back, mirror.outline), cuts(mirror, read_back, rms, fields.unit),
+        requirements(mirror, deviation, metrics), probe(in_file, made.outline), cuts(mirror, read_back, rms, fields.unit),
         step_change(mirror, deviation, read_back, file), lane_image(seen, setup.eye, setup.lane, mirror.box, straightness),
         _maps(mirror, read_back, rms), seen)
 

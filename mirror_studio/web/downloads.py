@@ -181,9 +181,9 @@ def unlike_the_page(spec: MirrorSpec, look: ViewSettings) -> tuple[str, ...]:
               if angle != 0.0]
     if turned and look.view == "picture":
         notes.append(f"report, figures and driver-view.png are of the mirror without its {' and '.join(turned)}")
-    # An eye at the left edge is that of a mirror whose laws were written for the right-hand side.
-    if (look.view == "road" and look.hand == "right") or (spec.part.hand == "right" and spec.eye.aligned != "left"):
-        notes.append("the STEP is the left-hand mirror; the right-hand one is its reflection in x = 0")
+    if look.view == "road" and look.hand != spec.part.hand:
+        notes.append(f"the files are the {spec.part.hand}-hand mirror, as the specification says under Hand; the road shows "
+                     f"the {look.hand}-hand one")
     return tuple(notes)
 
 

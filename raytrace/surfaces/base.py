@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.differentials import reflected_differentials, traced_differentials
@@ -30,11 +31,15 @@ CELLS = 16  # a direction, that a face is sampled in: for which way it looks and
 
 
 class RigidMotion(Protocol):
-    """Coordinates of a file to those of a mirror: p' = R·(p − o)."""
+    """Coordinates of a file to those of a mirror: p' = R·(p − o), of a right-hand one with a reflection."""
 
     @property
     def rotation(self) -> Array:
-        """R (3, 3), whose determinant is 1."""
+        """R (3, 3), orthogonal; its determinant is −1 for a right-hand mirror."""
+
+    @property
+    def hand(self) -> Hand:
+        """Of the mirror in the file; "right" is reflected."""
 
     def to_mirror(self, points: Array) -> Array:
         """Points (…, 3), mm."""

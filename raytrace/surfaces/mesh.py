@@ -102,7 +102,8 @@ class MeshSurface(OpticalSurface):
         return self.mesh.vertices
 
     def moved(self, motion: RigidMotion) -> MeshSurface:
-        return replace(self, mesh=SurfaceMesh(motion.to_mirror(self.mesh.vertices), self.mesh.faces))
+        facets = self.mesh.faces if motion.hand == "left" else np.ascontiguousarray(self.mesh.faces[:, ::-1])
+        return replace(self, mesh=SurfaceMesh(motion.to_mirror(self.mesh.vertices), facets))
 
     def area_samples(self) -> AreaSamples:
         """Of every facet."""

@@ -104,7 +104,8 @@ class QuadricFace(BoundedFace):
     def moved(self, motion: RigidMotion) -> QuadricFace:
         q = self.quadric
         turned = Quadric(q.kind, motion.to_mirror(q.centre), q.axes @ motion.rotation.T, q.radius_mm)
-        return with_trimming_of(self, replace(self, quadric=turned))
+        sign = self.sign if motion.hand == "left" else -self.sign  # S_u × S_v of the reflection points to the other side
+        return with_trimming_of(self, replace(self, quadric=turned, sign=sign))
 
     def two_sided(self) -> QuadricFace:
         return replace(self, one_sided=False)
