@@ -83,7 +83,7 @@ def test_own_vehicle(run: Any) -> None:
 
 def level_azimuths_deg(view: Any, van: Any) -> Any:
     x_min, x_max, y_min, y_max = view.box
-    rays = view.trace_places(*np.meshgrid(np.linspace(1.1 * x_min, 1.1 * x_max, 500), np.linspace(1.1 * y_min, 1.1 * y_max, 500)))
+    rays = view.trace(*np.meshgrid(np.linspace(1.1 * x_min, 1.1 * x_max, 500), np.linspace(1.1 * y_min, 1.1 * y_max, 500)))
     level = rays.seen & (np.abs(rays.directions[:, 2]) < 1e-3)
     starts, directions = rays.points[level], rays.directions[level]
     passing = directions[~van.hides(starts, starts + 1e5 * directions)]
@@ -150,6 +150,20 @@ def test_notebook(run: Any) -> None:
     assert "1250 mm at the right" in names["mirror"]._repr_html_()
     assert names["picture"]._repr_png_().startswith(b"\x89PNG")
     assert has_content(Path("notebook.png"))
+
+
+def test_views_rays_and_poses_say_their_main_figures() -> None:
+    """In a line, and not as arrays."""
+    import raytrace as rt
+    from tests.conftest import designed
+
+    view = rt.View(rt.Reflector.from_mirror(designed("flat")))
+    assert repr(view) == ("<View of <Reflector: BSplineFace, 230 × 326.9 mm>, in mirror coordinates, "
+                          "eye at (115.0, 0.0, 753.3) mm>")
+    assert repr(view.trace([0.0, 50.0, 900.0], 0.0)) == "<TracedRays: 3 rays, 2 reflected, 1 missed>"
+    assert repr(view.trace([], [])) == "<TracedRays: 0 rays>"
+    pose = rt.Pose(np.array([-540.0, -1010.0, 1760.0]), np.zeros(3), yaw=0.25, hand="right")
+    assert repr(pose) == "<Pose: right mirror at (-540, -1010, 1760) mm, yaw 14.32°, pitch 0.00°>"
 
 
 def test_every_example_is_tested_and_named_in_the_documents() -> None:
