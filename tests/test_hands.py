@@ -169,7 +169,7 @@ def test_drive_reflects_a_mirror_once_and_says_where_it_is_of_the_other_side(
         'blend_from = "match"\n[horizontal.match]\nsphere_mm = 950.0\n[vertical]\nlaw = "linear"\nright_mm = 1250.0\n'
         'left_mm = 1350.0\n', encoding="utf-8")
     files["specification"] = driven_mirror(str(tmp_path / "right.toml"), scene)
-    views = [each.views.middle.trace_places(np.array([30.0, -80.0]), np.array([10.0, -60.0])) for each in files.values()]
+    views = [each.views.middle.trace(np.array([30.0, -80.0]), np.array([10.0, -60.0])) for each in files.values()]
     for view in views[1:]:
         assert np.abs(view.directions - views[0].directions).max() < 1e-9
     assert files["right"].hand == files["specification"].hand == "right"
