@@ -203,8 +203,8 @@ def test_a_newer_request_ends_a_fine_picture() -> None:
 
 
 def test_nothing_of_the_road_is_loaded_before_it_is_asked_for() -> None:
-    code = ("import sys; from mirror_studio.web import engine, server; from mirror_studio.web.protocol import Look; "
-            "from mirror_cad.spec.file import load_spec; engine.show(load_spec('sphere-950'), Look()); "
+    code = ("import sys; from mirror_studio.web import engine, server; from mirror_studio.web.protocol import ViewSettings; "
+            "from mirror_cad.spec.file import load_spec; engine.show(load_spec('sphere-950'), ViewSettings()); "
             "print([name for name in sys.modules if name.startswith(('mirror_studio.drive', 'raytrace.scene.lit_world', "
             "'mirror_studio.web.road', 'mirror_studio.scene_file'))])")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
@@ -230,14 +230,16 @@ def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
             yield from keys_of(section, f"{prefix}{name}.")
 
 
+# Tables have rows of inputs, and files buttons.
+WITHOUT_CONTROL = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm", "file")}
+WITHOUT_CONTROL |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
+WITHOUT_CONTROL |= {f"outline.{key}" for key in ("file", "layer", "join_mm", "loop")}  # how the file is read: its TOML's
+
+
 def test_every_key_of_a_specification_is_among_the_controls() -> None:
     """Tables have rows of inputs, files have buttons, limits of figures stand under these."""
     held = {re.sub(r"\.[01]$", "", control.key) for group in groups() for control in group.controls}
-    others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm", "file")}
-    others |= {"outline.file"}
-    others |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
-    others |= {f"outline.{key}" for key in ("layer", "join_mm", "loop")}  # how the file is read: its TOML's
-    others |= {f"limits.{key}" for key in ("h_fov_deg", "v_fov_left_deg", "lane_straightness_percent")}
+    others = WITHOUT_CONTROL | {f"limits.{key}" for key in ("h_fov_deg", "v_fov_left_deg", "lane_straightness_percent")}
     found = set(keys_of(MirrorSpec))
     assert {"part.number", "part.hand", "horizontal.match.sphere_mm", "scene.lane.slope"} <= found
     assert found - held - others == set()
@@ -445,9 +447,7 @@ def test_the_road_is_taken_away_as_a_picture(page: Page, tmp_path: Path) -> None
 def test_every_key_has_its_input_in_the_page(page: Page) -> None:
     """By the key's name, or for a pair by its parts'; matched laws' and tables' keys have inputs once they are there."""
     names = set(page.evaluate("() => [...document.querySelectorAll('[name]')].map((element) => element.name)"))
-    others = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm")} | {"outline.file"}
-    others |= {f"outline.{key}" for key in ("layer", "join_mm", "loop")}
-    missing = {key for key in keys_of(MirrorSpec) if key not in names and f"{key}.0" not in names} - others
+    missing = {key for key in keys_of(MirrorSpec) if key not in names and f"{key}.0" not in names} - WITHOUT_CONTROL
     assert missing == set()
     page.locator('details:has(> summary:text-is("Part")) > summary').click()
     page.locator('input[name="part.number"]').fill("B 77")
