@@ -152,6 +152,20 @@ def test_notebook(run: Any) -> None:
     assert has_content(Path("notebook.png"))
 
 
+def test_views_rays_and_poses_say_their_main_figures() -> None:
+    """In a line, and not as arrays."""
+    import raytrace as rt
+    from tests.conftest import designed
+
+    view = rt.View(rt.Reflector.from_mirror(designed("flat")))
+    assert repr(view) == ("<View of <Reflector: BSplineFace, 230 × 326.9 mm>, in mirror coordinates, "
+                          "eye at (115.0, 0.0, 753.3) mm>")
+    assert repr(view.trace([0.0, 50.0, 900.0], 0.0)) == "<TracedRays: 3 rays, 2 reflected, 1 missed>"
+    assert repr(view.trace([], [])) == "<TracedRays: 0 rays>"
+    pose = rt.Pose(np.array([-540.0, -1010.0, 1760.0]), np.zeros(3), yaw=0.25, hand="right")
+    assert repr(pose) == "<Pose: right mirror at (-540, -1010, 1760) mm, yaw 14.32°, pitch 0.00°>"
+
+
 def test_every_example_is_tested_and_named_in_the_documents() -> None:
     here = Path(__file__).read_text("utf-8")
     page = (EXAMPLES.parent / "docs" / "examples.md").read_text("utf-8")
