@@ -23,6 +23,7 @@ for left_mm in radii:
 figure = Figure(figsize=(5, 3.4), layout="constrained")
 axes = figure.add_subplot(xlabel="lane straightness, % (0 is straight)", ylabel="horizontal field of view, °")
 axes.plot(bends, fields, "o-")
+axes.margins(0.12)
 for left_mm, bend, field in zip(radii, bends, fields, strict=True):
     axes.annotate(f"{left_mm:.0f} mm", (bend, field), xytext=(6, -10), textcoords="offset points")
 figure.savefig("sweep_of_a_radius.png", dpi=110)

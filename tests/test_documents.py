@@ -127,6 +127,24 @@ def test_python_on_the_pages_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     forget("box_aspect")
 
 
+@pytest.mark.parametrize("page", ["tutorial.md", "specification.md", *(f"how-to/{page.name}" for page in
+                                                                       sorted((HOME / "docs" / "how-to").glob("*.md")))])
+def test_toml_on_the_pages_is_accepted(page: str, tmp_path: Path) -> None:
+    """Whole specifications as they stand, parts of them with two laws, and scenes."""
+    import tomllib
+
+    from mirror_cad.spec.file import validate_spec
+    from mirror_studio.scene_file import load_scene
+
+    laws = {name: {"law": "constant", "radius_mm": 1200.0} for name in ("horizontal", "vertical")}
+    for block in re.findall(r"```toml\n(.*?)```", (HOME / "docs" / page).read_text("utf-8"), re.DOTALL):
+        if "[own_vehicle]" in block:
+            (tmp_path / "scene.toml").write_text(block, encoding="utf-8")
+            load_scene(tmp_path / "scene.toml")
+        else:
+            validate_spec({"name": "page", **laws, **tomllib.loads(block)})
+
+
 @pytest.mark.long
 def test_formulas_are_drawn_in_a_browser_that_has_no_connection(site: Path) -> None:
     """KaTeX sets every one, and the page asks for nothing but files."""
