@@ -29,6 +29,7 @@ STEP_MM = 0.02  # of the differences that Newton's derivatives are made of: 1e-4
 MAX_STEPS = 12
 SETTLED = 1e-12  # radians by which a ray passes its target: Newton is done
 SOLVED = 0.02  # what Newton did not bring below that is not shown; facets turn their rays in steps of as much
+LEAST_HEIGHT_MM = 1.0  # of a mirror above a plane, for what scales angles: any length serves
 WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
 
 
@@ -75,17 +76,20 @@ def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
     """Where rays through the edge meet the lines, two by two.
 
     A ray from q along d meets the plane at q + d·(q_z − h)/D with D = −d_z, so at N/D on the axis with
-    N = D·q_axis + (q_z − h)·d_axis. The angle of (N − r·D, D) runs on through the horizon, where D is 0, and equals that of
-    (value − r, 1) where the ray meets the line; r is any number.
+    N = D·q_axis + (q_z − h)·d_axis. The angle of (N − r·D, l·D) runs on through the horizon, where D is 0, and equals that of
+    (value − r, l) where the ray meets the line; r and l > 0 are any numbers. With the mirror's place for r and its height
+    above the plane for l it is the angle that the mirror sees the line at, which changes little between neighbours also below
+    the mirror.
     """
     near = float(np.median(edge.points[:, axis]))
+    above = max(float(np.median(np.abs(edge.points[:, 2] - height_mm))), LEAST_HEIGHT_MM)
 
     def over(points: Array, directions: Array, value: Array | float) -> Array:
         result: Array = (value - points[:, axis]) * directions[:, 2] - (height_mm - points[:, 2]) * directions[:, axis]
         return result
 
-    angle = np.arctan2(-edge.directions[:, 2], over(edge.points, edge.directions, near))
-    wanted = np.arctan2(1.0, values - near)[::-1]  # rising
+    angle = np.arctan2(-above * edge.directions[:, 2], over(edge.points, edge.directions, near))
+    wanted = np.arctan2(above, values - near)[::-1]  # rising
     after = angle[edge.following]
     short = np.abs(after - angle) < WRAP
     first, stop = (np.searchsorted(wanted, ends(angle, after), "left") for ends in (np.minimum, np.maximum))
