@@ -23,6 +23,7 @@ Polygon = NDArray[np.float64]
 GRID_SHAPE = 7  # samples of a part of a line, ends included, between which the vehicle's edges are looked for
 INSIDE = 1e-3  # of a part of a line: how far inside its ends, where rays may miss the mirror, Newton starts
 ENDLESS_MM = 1e6  # as far as a part of a line is followed that the mirror shows without an end
+LEAST_HEIGHT_MM = 1.0  # of a mirror above a plane, for what scales angles: any length serves
 WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
 
 
@@ -80,17 +81,20 @@ def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
     """Where rays through the edge meet the lines, two by two.
 
     A ray from q along d meets the plane at q + d·(q_z − h)/D with D = −d_z, so at N/D on the axis with
-    N = D·q_axis + (q_z − h)·d_axis. The angle of (N − r·D, D) runs on through the horizon, where D is 0, and equals that of
-    (value − r, 1) where the ray meets the line; r is any number.
+    N = D·q_axis + (q_z − h)·d_axis. The angle of (N − r·D, l·D) runs on through the horizon, where D is 0, and equals that of
+    (value − r, l) where the ray meets the line; r and l > 0 are any numbers. With the mirror's place for r and its height
+    above the plane for l it is the angle that the mirror sees the line at, which changes little between neighbours also below
+    the mirror.
     """
     near = float(np.median(edge.points[:, axis]))
+    above = max(float(np.median(np.abs(edge.points[:, 2] - height_mm))), LEAST_HEIGHT_MM)
 
     def over(points: Array, directions: Array, value: Array | float) -> Array:
         result: Array = (value - points[:, axis]) * directions[:, 2] - (height_mm - points[:, 2]) * directions[:, axis]
         return result
 
-    angle = np.arctan2(-edge.directions[:, 2], over(edge.points, edge.directions, near))
-    wanted = np.arctan2(1.0, values - near)[::-1]  # rising
+    angle = np.arctan2(-above * edge.directions[:, 2], over(edge.points, edge.directions, near))
+    wanted = np.arctan2(above, values - near)[::-1]  # rising
     after = angle[edge.following]
     short = np.abs(after - angle) < WRAP
     first, stop = (np.searchsorted(wanted, ends(angle, after), "left") for ends in (np.minimum, np.maximum))
