@@ -144,8 +144,8 @@ class Study:
 
     def digest(self) -> str:
         """What tells this study from others: SHA-256 of all that its rows depend on."""
-        content = {"spec": self.raw, "scene": self.scene, "file": self.file.model_dump(exclude={"spec", "scene"}, warnings=False),
-                   "measures": self.measures}
+        content = {"spec": self.raw, "scene": self.scene, "measures": self.measures,
+                   "file": self.file.model_dump(exclude={"spec", "scene"}, warnings=False)}
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
     def with_values(self, values: Sequence[Value]) -> dict[str, Any]:
