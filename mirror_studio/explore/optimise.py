@@ -154,7 +154,7 @@ def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None 
 def front_of(rows: Sequence[Row], judge: _Judge) -> list[Row]:
     """The feasible rows that no other feasible row beats in all objectives, by the first objective."""
     kept = [row for row in rows if judge.feasible(row)]
-    values = np.array([judge.objectives_of(row) for row in kept]).reshape(len(kept), -1)
+    values = np.array([judge.objectives_of(row) for row in kept]).reshape(len(kept), len(judge.objectives))
     front = [k for k, one in enumerate(values)
              if not np.any((values <= one).all(axis=1) & (values < one).any(axis=1))]
     return sorted((kept[k] for k in front), key=lambda row: tuple(judge.objectives_of(row)))
