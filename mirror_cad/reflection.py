@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,14 +17,7 @@ SIDEWAYS = np.array([-1.0, 1.0, 1.0])
 
 def reflected_surface(surface: BSplineSurface) -> BSplineSurface:
     """S′(u, v) = M·S(−u, v) with M = diag(−1, 1, 1): u = x stays so, and S_u × S_v points to the same side."""
-    return u_reversed(surface, SIDEWAYS * surface.poles)
-
-
-def u_reversed(surface: BSplineSurface, poles: Array) -> BSplineSurface:
-    """The surface with other poles (n_u, n_v, 3), in the order of its own, and its first parameter run backwards."""
-    weights = None if surface.weights is None else np.ascontiguousarray(surface.weights[::-1])
-    return BSplineSurface(surface.degree_u, surface.degree_v, -surface.knots_u[::-1], surface.knots_v.copy(),
-                          np.ascontiguousarray(poles[::-1]), weights)
+    return replace(surface, poles=SIDEWAYS * surface.poles).u_reversed()
 
 
 def reflected_mesh(mesh: SurfaceMesh) -> SurfaceMesh:

@@ -51,7 +51,8 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
     from mirror_cad.own_files import hand_of
     from raytrace.seating import seated
 
-    return seated(_as_filed(Path(path), face, normals, index, progress), hand_of(Path(path)), place)
+    hand = hand_of(Path(path))
+    return seated(_as_filed(Path(path), face, normals, index, progress), hand is not None, place, hand or "left")
 
 
 def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, index: float,

@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
 
 Array = NDArray[np.float64]
 Source = Literal["file", "face", "stated"]
+Hand = Literal["left", "right"]
 
 MIN_UPRIGHT = 1e-3  # sine of the angle between `up` and the normal: below it `up` says nothing
 LARGEST_MM = 1e9  # of an origin that is stated: farther away no digit is left for the mirror

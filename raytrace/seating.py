@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
-from raytrace.placement import Placement
+from raytrace.placement import Hand, Placement
 from raytrace.reflector import Reflector
 from raytrace.surfaces.base import AreaSamples
 from raytrace.trace import reflect
@@ -55,7 +54,7 @@ JUDGED = 2  # the step at which the normal is near enough to its end to judge wh
 MAX_STEPS = 60  # of its iteration, each of which leaves a twentieth of the error, or less
 
 
-def seated(reflector: Reflector, ours: Hand | None, place: Place = "auto") -> Reflector:
+def seated(reflector: Reflector, ours: bool, place: Place = "auto", hand: Hand = "left") -> Reflector:
     """The reflector of a file in the coordinates that `place` asks for, its placement noted.
 
     A right-hand mirror is reflected into the left-hand one's mirror coordinates, unless its file's own are asked for.
@@ -63,7 +62,8 @@ def seated(reflector: Reflector, ours: Hand | None, place: Place = "auto") -> Re
     Parameters
     ----------
     reflector : in the coordinates of the file.
-    ours : the hand of a mirror whose file our own `build` wrote, None for another's, as `mirror_cad.own_files` tells.
+    ours : whether our own `build` wrote the file, as `mirror_cad.own_files` tells.
+    hand : of the mirror in the file.
     place : a Placement; "face", its own frame; "file", the file's coordinates as they are; "auto", the latter for our own
         files, which are in mirror coordinates, and the former for all others.
 
@@ -72,14 +72,13 @@ def seated(reflector: Reflector, ours: Hand | None, place: Place = "auto") -> Re
     TraceError
         For another `place`, or where a face's frame cannot be found.
     """
-    hand = ours or "left"
     if isinstance(place, Placement):
         return reflector.moved(replace(place, source="stated", hand=hand))
     if place not in ("auto", "face", "file"):
         raise TraceError(f"place = {place!r}: a Placement, \"auto\", \"face\" or \"file\" says where the mirror is")
     if place == "file":
         return reflector.moved(Placement.identity("file"))
-    if place == "auto" and ours is not None:
+    if place == "auto" and ours:
         return reflector.moved(Placement.identity("file", hand))
     return reflector.moved(replace(find_placement(reflector), hand=hand))
 

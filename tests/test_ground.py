@@ -420,10 +420,11 @@ def test_newton_from_near_by_finds_what_a_search_finds() -> None:
 
 def test_ground_below_the_mirror_is_seen_on_every_line() -> None:
     """A mirror over the door that looks down shows the ground on both sides of its own X, line by line as point by point."""
-    pose = replace(posed("sphere-950")[1], centre=np.array([-600.0, -1450.0, 2700.0]), yaw=np.radians(62.0), pitch=np.radians(-53.0))
+    pose = replace(posed("sphere-950")[1], centre=np.array([-600.0, -1450.0, 2700.0]), yaw=np.radians(62.0),
+                   pitch=np.radians(-53.0))
     view = View(ball(320.0), pose, np.array([0.0, -600.0, 2400.0]))
     x, y = np.linspace(-1000.0, 600.0, 321), np.linspace(-3500.0, -1300.0, 12)
-    spans = shown(edge_of(view), 0, x)
-    _, inside = view.find(on_ground(x[:, None], y[None]))
+    spans = visible_intervals(edge_of(view), 0, x)
+    _, inside = view.image_points(on_ground(x[:, None], y[None]))
     assert (np.bincount(spans.row, minlength=len(x)) > 0).all()
     assert (spans.mask(len(x), y).ravel() == inside).all()

@@ -23,7 +23,7 @@ from mirror_studio.drive.mirrors import driven_mirror
 from mirror_studio.progress import Progress
 from mirror_studio.report.heading import contradictions
 from mirror_studio.scene_file import load_scene
-from raytrace.placement import Placement, moved
+from raytrace.placement import Placement
 
 SIDEWAYS = np.array([-1.0, 1.0, 1.0])
 HANDS = ("left", "right")
@@ -203,7 +203,7 @@ def test_spheres_cylinders_and_planes_are_reflected_as_they_are(tmp_path: Path) 
     for name, part in parts.items():
         write_step(tmp_path / f"{name}.step", [Part(part.wrapped, name, GLASS_COLOUR)], name)
         raw = raytrace.load_reflector(tmp_path / f"{name}.step")
-        turned = moved(raw, Placement.identity("file", "right"))
+        turned = raw.moved(Placement.identity("file", "right"))
         one, other = raytrace.reflect(raw, eye, to), raytrace.reflect(turned, SIDEWAYS * eye, SIDEWAYS * to)
         assert (one.status == 0).all()
         assert np.array_equal(one.status, other.status)

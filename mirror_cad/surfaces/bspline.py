@@ -84,6 +84,12 @@ class BSplineSurface:
         return bool(np.abs(self.poles[..., 0] - x).max() <= PARAMETER_ROUNDING_MM
                     and np.abs(self.poles[..., 1] - y).max() <= PARAMETER_ROUNDING_MM)
 
+    def u_reversed(self) -> BSplineSurface:
+        """S(−u, v): the same points, with the first parameter run backwards."""
+        weights = None if self.weights is None else np.ascontiguousarray(self.weights[::-1])
+        return BSplineSurface(self.degree_u, self.degree_v, -self.knots_u[::-1], self.knots_v,
+                              np.ascontiguousarray(self.poles[::-1]), weights)
+
     def sag(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Evaluate the height z at (x, y).
 

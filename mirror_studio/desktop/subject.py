@@ -83,7 +83,8 @@ def _of_cad(path: Path) -> Subject:
         sheets.append(sheet(as_spline.surface, as_spline.loops, quadric=quadric))
     starts = np.cumsum([0, *(len(each.vertices) for each in sheets[:-1])])
     spec = load_spec(LENDER)
-    reflector = seated(reflector_from_cad(file, None, spec.glass.index, "facets"), hand_of(path))
+    hand = hand_of(path)
+    reflector = seated(reflector_from_cad(file, None, spec.glass.index, "facets"), hand is not None, hand=hand or "left")
     placement = reflector.placement or Placement.identity()
     shown = Sheet(placement.to_mirror(np.concatenate([each.vertices for each in sheets])),
                   np.concatenate([each.normals for each in sheets]) @ placement.rotation.T,

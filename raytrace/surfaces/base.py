@@ -5,13 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from typing import Literal, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.own_files import Hand
 from raytrace.errors import TraceError
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.differentials import reflected_differentials, traced_differentials
@@ -38,7 +37,7 @@ class RigidMotion(Protocol):
         """R (3, 3), orthogonal; its determinant is −1 for a right-hand mirror."""
 
     @property
-    def hand(self) -> Hand:
+    def hand(self) -> Literal["left", "right"]:
         """Of the mirror in the file; "right" is reflected."""
 
     def to_mirror(self, points: Array) -> Array:

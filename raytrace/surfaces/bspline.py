@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from mirror_cad.reflection import u_reversed
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
 from raytrace.kernels import first_hit, newton
@@ -153,7 +152,8 @@ class BSplineFace(BoundedFace):
         s = self.surface
         poles = motion.to_mirror(s.poles)
         if motion.hand == "right":  # with u run backwards too, S_u × S_v stays on its side, and u = x stays so
-            return replace(self, surface=u_reversed(s, poles), loops=tuple(loop * [-1.0, 1.0] for loop in self.loops))
+            return replace(self, surface=replace(s, poles=poles).u_reversed(),
+                           loops=tuple(loop * [-1.0, 1.0] for loop in self.loops))
         again = replace(self, surface=BSplineSurface(s.degree_u, s.degree_v, s.knots_u, s.knots_v, poles, s.weights))
         return with_trimming_of(self, again)
 
