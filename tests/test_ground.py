@@ -425,6 +425,6 @@ def test_ground_below_the_mirror_is_seen_on_every_line() -> None:
     view = View(ball(320.0), pose, np.array([0.0, -600.0, 2400.0]))
     x, y = np.linspace(-1000.0, 600.0, 321), np.linspace(-3500.0, -1300.0, 12)
     spans = visible_intervals(edge_of(view), 0, x)
-    _, inside = view.image_points(on_ground(x[:, None], y[None]))
+    _, inside = image_points(view, on_ground(x[:, None], y[None]))
     assert (np.bincount(spans.row, minlength=len(x)) > 0).all()
     assert (spans.mask(len(x), y).ravel() == inside).all()

@@ -16,6 +16,7 @@ from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
+from raytrace.visibility.image_points import image_points
 from raytrace.visibility.intervals import IntervalSet, combined
 from tests.rule_mirrors import plane, sphere, torus
 
@@ -222,7 +223,7 @@ def check_two_eyes(seed: int) -> None:
     y = np.linspace(-30_000.0, 3_000.0, 23)
     points = np.stack([np.repeat(x, len(y)), np.tile(y, len(x)), np.zeros(len(x) * len(y))], axis=1)
     for view, spans in ((left, seen.left), (right, seen.right)):
-        _, inside = view.find(points)
+        _, inside = image_points(view, points)
         assert (spans.mask(len(x), y).ravel() == inside).all(), seed
 
 
