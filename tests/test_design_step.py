@@ -113,7 +113,7 @@ def test_what_is_kept_between_designs_does_not_change_them() -> None:
     warm = design(other)
     import mirror_cad.mirror as module
 
-    for kept in (module._truck_outline, module._solved, module._law, module._eased, module._series, Grid.over):
+    for kept in (module._truck_outline, module._solved, module._law, module._extrapolated, module._series, Grid.over):
         kept.cache_clear()
     cold = design(other)
     np.testing.assert_array_equal(warm.surface.poles, cold.surface.poles)
