@@ -30,7 +30,9 @@ settings.load_profile("shared")
 PAPER_MIRRORS = ("sphere-1250", "sphere-1050", "sphere-950", "progressive-a", "progressive-b", "progressive-c")
 
 # Files that take long, longest first: what is begun last is short, so that the workers end together.
-LONGEST = ()
+LONGEST = ("test_studio_browser", "test_studio_road", "test_studio_wire", "test_tracing", "test_cad_files", "test_lit_world",
+           "test_files", "test_said", "test_guarded", "test_hard_cases", "test_interrupt", "test_desktop", "test_fuzz_texts",
+           "test_bench_tracing", "test_drive")
 # Files whose fixtures are one thing for all: a group runs on one worker.
 GROUPS = {"test_studio_browser": "studio", "test_studio_road": "studio", "test_studio_wire": "studio"}
 

@@ -12,13 +12,21 @@ import pytest
 
 from mirror_studio import interrupt
 
+# It begins inside the first import: in the lines of a script before that, an interrupt is the script's own affair.
 PROGRAM = """
-import runpy, sys
+import sys
 from mirror_studio import interrupt
+
+class Begun:
+    def find_spec(self, *_):
+        sys.meta_path.remove(self)
+        print("begun", flush=True)
+
 interrupt.install()
-print("begun", flush=True)
 sys.argv = ["mirror-cad", *sys.argv[1:]]
-runpy.run_module("mirror_studio", run_name="__main__")
+sys.meta_path.insert(0, Begun())
+from mirror_studio.cli import main
+main()
 """
 
 
