@@ -156,7 +156,7 @@ def test_kernel_interpolation_of_73_points_has_a_dent_that_its_nodes_do_not_show
         x, y = np.meshgrid(np.linspace(x_min, x_max, n), np.linspace(y_min, y_max, n), indexing="ij")
         points = np.stack([x, y, mirror.exact.height(x, y)], axis=2)
         made = peers.as_bspline(peers.occt_interpolation(points)())
-        found = surfaces.at_places(made, x[1:-1, 1:-1].ravel(), y[1:-1, 1:-1].ravel())["s"]
+        found = surfaces.at_points(made, x[1:-1, 1:-1].ravel(), y[1:-1, 1:-1].ravel())["s"]
         assert np.abs(found - points[1:-1, 1:-1].reshape(-1, 3)).max() < 1e-8  # every node is hit
         errors[n] = judge.errors(made)
     assert errors[72]["curvature_percent"] < 0.5

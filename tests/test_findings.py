@@ -179,8 +179,8 @@ def test_refined_grid_says_how_much_the_largest_deviation_was_missed(progressive
     mirror, deviation = progressive
     fields = deviation_fields(deviation, None)
     found = uncertainty(mirror, deviation, mirror.surface, fields)
-    assert found.places[0] == int(deviation.grid.inside.sum())
-    assert found.finer[0] == pytest.approx(4 * found.places[0], rel=0.01)
+    assert found.points[0] == int(deviation.grid.inside.sum())
+    assert found.finer[0] == pytest.approx(4 * found.points[0], rel=0.01)
     entry = against_design(mirror.curvature, mirror.outline, mirror.exact, mirror.surface)
     # All along the edge, where the largest k1, k2 of this mirror are, a hundred times closer than the refined grid.
     edge = np.concatenate([segment.point(np.linspace(0.0, 1.0, 40_000)) for segment in mirror.outline.segments])
