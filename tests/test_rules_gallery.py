@@ -1,0 +1,60 @@
+"""The worked cases of docs/rules: each row of the table is what the command finds."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from mirror_studio.rules.run import Asked, measured_mirror, scene_with_eyes
+from mirror_studio.rules.schema import load_rule
+from mirror_studio.rules.verdicts import judged
+from tests.test_spherometer import line
+
+GALLERY = Path(__file__).parent.parent / "docs" / "rules"
+ROW = re.compile(r"^\| `([^`]+)` \| (\w+) (\w+) \| `([^`]+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
+
+
+def rows() -> list[tuple[str, ...]]:
+    return ROW.findall((GALLERY / "README.md").read_text("utf-8"))
+
+
+def case(mirror: str, rule_name: str, class_name: str, scene: str) -> list[str]:
+    """The row's last three cells: r, the missing ground, and what is missed or open beside what no file tells."""
+    rule = load_rule(rule_name)
+    file = GALLERY / mirror
+    asked = Asked(str(file) if file.exists() else mirror, rule_name, class_name, str(GALLERY / scene))
+    _, measured = measured_mirror(asked, rule, scene_with_eyes(str(GALLERY / scene)))
+    of = judged(measured, class_name)
+    named = {each.asked.quantity for each in of}
+    radius = line(of, "radius_r_mm" if "radius_r_mm" in named else "radius_centre_mm").value
+    field = line(of, "field_missing_m2") if "field_missing_m2" in named else None
+    told = [f"{each.asked.quantity} {each.verdict}" for each in of if each.verdict != "met" and each.value is not None]
+    return ["flat" if radius is None else f"{radius:.1f}", "–" if field is None else f"{field.value:.2f}", ", ".join(told) or "–"]
+
+
+def test_gallery_has_its_cases() -> None:
+    assert len(rows()) == 9
+
+
+def test_papers_first_mirror_is_as_the_gallery_has_it() -> None:
+    mirror, rule, name, scene, *told = next(row for row in rows() if row[0] == "progressive-a")
+    assert case(mirror, rule, name, scene) == told
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("row", rows(), ids=lambda row: f"{row[0]} {row[1]} {row[2]}")
+def test_gallery_is_what_is_measured(row: tuple[str, ...]) -> None:
+    assert case(*row[:4]) == list(row[4:])
+
+
+def test_rule_of_the_page(tmp_path: Path) -> None:
+    """The file that the page shows is one, and takes over all else of class II."""
+    text = (GALLERY / "README.md").read_text("utf-8").split("larger radius of class II:\n\n")[1]
+    own = tmp_path / "own.toml"
+    own.write_text("\n".join(row.removeprefix("    ") for row in text.splitlines()), encoding="utf-8")
+    rule, base = load_rule(str(own)), load_rule("r46-03")
+    assert [each.limit for each in rule.lines_of("II") if each.quantity == "radius_r_mm"] == [(1250.0, float("inf"))]
+    assert len(rule.lines_of("II")) == len(base.lines_of("II"))
+    assert rule.lines_of("IV")[0].limit == base.lines_of("IV")[0].limit
