@@ -161,12 +161,12 @@ def front_of(rows: Sequence[Row], judge: _Judge) -> list[Row]:
 
 
 def _several(evaluations: _Evaluations, judge: _Judge, seed: int, asked: OptimiseSection) -> list[tuple[int, float]]:
-    from pymoo.algorithms.moo.nsga2 import NSGA2
-    from pymoo.core.problem import Problem
-    from pymoo.indicators.hv import HV
-    from pymoo.operators.crossover.sbx import SBX
-    from pymoo.operators.mutation.pm import PM
-    from pymoo.optimize import minimize
+    from pymoo.algorithms.moo.nsga2 import NSGA2  # type: ignore[import-untyped]
+    from pymoo.core.problem import Problem  # type: ignore[import-untyped]
+    from pymoo.indicators.hv import HV  # type: ignore[import-untyped]
+    from pymoo.operators.crossover.sbx import SBX  # type: ignore[import-untyped]
+    from pymoo.operators.mutation.pm import PM  # type: ignore[import-untyped]
+    from pymoo.optimize import minimize  # type: ignore[import-untyped]
 
     class _Mirrors(Problem):  # type: ignore[misc]  # pymoo is not typed
         def __init__(self) -> None:

@@ -25,7 +25,7 @@ class Store:
 
     def __init__(self, folder: Path, study: Study) -> None:
         self.path, self.study = folder / STORE, study
-        head = {"study": study.digest(), "keys": list(study.keys), "measures": list(study.measures)}
+        head: dict[str, object] = {"study": study.digest(), "keys": list(study.keys), "measures": list(study.measures)}
         self.rows: dict[int, Row] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -95,8 +95,8 @@ def write_rows(folder: Path, name: str, study: Study, rows: Sequence[Row], parqu
     try:
         _write_csv(folder / f"{name}.csv", list(columns), zip(*columns.values(), strict=True))
         if parquet:
-            import pyarrow
-            import pyarrow.parquet
+            import pyarrow  # type: ignore[import-untyped]
+            import pyarrow.parquet  # type: ignore[import-untyped]
 
             measured = {name: pyarrow.float64() for name in study.measures}
             arrays = [pyarrow.array(values, type=measured.get(key)) for key, values in columns.items()]

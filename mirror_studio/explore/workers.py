@@ -58,7 +58,7 @@ class Workers:
         study = self.study
         handed = {client.submit(evaluate, index, values, study.with_values(values), str(study.folder.resolve()), study.scene,
                                 study.measures, pure=False, retries=1): (index, values) for index, values in designs}
-        for future in as_completed(list(handed)):
+        for future in as_completed(list(handed)):  # type: ignore[no-untyped-call]
             index, values = handed[future]
             if future.status == "finished":
                 yield future.result()
@@ -73,10 +73,10 @@ class Workers:
         from distributed import Client, LocalCluster
 
         dask.config.set({"distributed.scheduler.allowed-failures": DEATHS, "distributed.worker.daemon": True})
-        cluster = self._stack.enter_context(LocalCluster(
+        cluster = self._stack.enter_context(LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=max(1, len(os.sched_getaffinity(0))), threads_per_worker=1, processes=True, memory_limit=MEMORY,
             dashboard_address="127.0.0.1:0", silence_logs=50))
-        client: Client = self._stack.enter_context(Client(cluster))
+        client: Client = self._stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
         return client
 
 
@@ -84,7 +84,7 @@ def _reach(address: str) -> Client:
     from distributed import Client
 
     try:
-        return Client(address, timeout=REACHED_S)
+        return Client(address, timeout=REACHED_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         raise MirrorError(f"--scheduler {address}: no scheduler is reached there within {REACHED_S:g} s "
                           f"({type(error).__name__}); "

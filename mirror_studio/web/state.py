@@ -132,6 +132,8 @@ def as_toml(spec: MirrorSpec, look: ViewSettings | None = None, files: Mapping[s
     files : what to call uploaded ones.
     """
     content = spec.model_dump(mode="python", exclude_defaults=True, exclude_none=True, warnings=False)
+    if not spec.has_laws:
+        content = {section: keys for section, keys in content.items() if section not in ("horizontal", "vertical")}
     content = {"name": spec.name} | content
     for section, key in FILES:
         if key in content.get(section, {}) and content[section][key] != BUILT_IN_PICTURE:
