@@ -143,9 +143,13 @@ def test_head_names_part_day_and_hashes_and_leaves_lines_to_sign(tmp_path: Path,
     # What is signed stands before the lines to sign on, the rest at the end.
     places = [text.index(words) for words in ("cd" * 32, ">approved<", ">Verdicts<", "ef" * 32)]
     assert places == sorted(places)
-    # The eye of the preset sits at the right edge, where the driver of a left-hand mirror sits.
-    assert "said to be a right-hand mirror" in text
-    assert "aligned with its right edge" in text
+    # The laws and the eye are those of the left-hand mirror; the files are its reflection.
+    assert "The files are the reflection in x = 0 of the design" in text
+    assert "said to be" not in text
+    inside_out = design(validate_spec(raw | {"part": part, "eye": {"aligned": "left"}}))
+    wrong = _readable(_report(tmp_path, (inside_out, both[1]), METRICS, MANIFEST))
+    assert "said to be a right-hand mirror" in wrong
+    assert "reflected twice" in wrong
     style = re.search(r"@page \{\n  @top-left.*", page)
     assert style is not None
     assert "\\3c b\\3e \\5c " in style.group(0)  # of "<b>\\", as a CSS string holds it
