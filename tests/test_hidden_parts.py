@@ -22,7 +22,7 @@ from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Hand, Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.visibility.line_image import line_images, road_line
-from tests.test_grazing import inside_somewhere
+from tests.test_occlusion import inside_somewhere
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -28,9 +28,9 @@ from raytrace.viewing.pose import SIDEWAYS, Pose
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of, roots, visibility_contour
-from raytrace.visibility.grazing import grazing_functions
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.line_image import LineView, StraightLine, column, line_images, road_line
+from raytrace.visibility.occlusion import grazing_functions
 from tests.conftest import constant, designed, face_of, spec_of
 from tests.meshes import grid
 

@@ -17,7 +17,7 @@ from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
 from raytrace.errors import TraceError
 from raytrace.measures.angular_size import AngularSize, Face, sizes_in_use
-from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_zone
+from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_zone, blind_zones_in_use, hidden_in_use
 from raytrace.measures.column_tilt import Tilt, tilt_in_use
 from raytrace.measures.disparity import Disparity, disparity_in_use
 from raytrace.measures.eye_fields import EyeFields, extent, eye_fields, fields_in_use
@@ -32,7 +32,6 @@ from raytrace.measures.ground import (
     seen_widths,
     widths_in_use,
 )
-from raytrace.measures.hiding import blind_zones_in_use, hidden_in_use
 from raytrace.measures.in_use import Asked, MirrorInUse, OnVehicle
 from raytrace.measures.lane import Lane, lane_in_use
 from raytrace.measures.line_bow import Bow, bow_in_use

@@ -14,8 +14,8 @@ from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import Edge, edge_of
-from raytrace.visibility.grazing import unhidden
 from raytrace.visibility.image_points import follow_image_points
+from raytrace.visibility.occlusion import unhidden
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

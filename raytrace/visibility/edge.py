@@ -16,7 +16,7 @@ from raytrace.surfaces.rim import AROUND, Evaluate
 from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import Mask, TracedRays, View
 from raytrace.visibility.image_points import image_points
-from raytrace.visibility.turning import lowest, may_cross
+from raytrace.visibility.sign_changes import lowest, may_cross
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

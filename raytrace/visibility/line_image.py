@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge, edge_of
-from raytrace.visibility.grazing import unhidden
 from raytrace.visibility.image_points import follow_image_points, image_points
+from raytrace.visibility.occlusion import unhidden
 from raytrace.visibility.plan import beside
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
-from raytrace.visibility.grazing import unhidden
 from raytrace.visibility.image_points import follow_image_points
 from raytrace.visibility.intervals import IntervalSet, combined, union
+from raytrace.visibility.occlusion import unhidden
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from raytrace.viewing.vehicle import HostVehicle
-from raytrace.visibility.grazing import grazing_functions, unhidden
 from raytrace.visibility.intervals import IntervalSet, intersection, union
+from raytrace.visibility.occlusion import grazing_functions, unhidden
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.visibility.edge import roots
 from raytrace.visibility.intervals import IntervalSet
-from raytrace.visibility.turning import lowest, may_cross
+from raytrace.visibility.sign_changes import lowest, may_cross
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
