@@ -19,7 +19,7 @@ from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.plate import Plate
 from raytrace.viewing.aim import Aim
-from raytrace.viewing.pose import SIDEWAYS
+from raytrace.viewing.pose import SIDEWAYS, Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
@@ -420,8 +420,7 @@ def test_newton_from_near_by_finds_what_a_search_finds() -> None:
 
 def test_ground_below_the_mirror_is_seen_on_every_line() -> None:
     """A mirror over the door that looks down shows the ground on both sides of its own X, line by line as point by point."""
-    pose = replace(posed("sphere-950")[1], centre=np.array([-600.0, -1450.0, 2700.0]), yaw=np.radians(62.0),
-                   pitch=np.radians(-53.0))
+    pose = Pose(np.array([-600.0, -1450.0, 2700.0]), np.zeros(3), np.radians(62.0), np.radians(-53.0))
     view = View(ball(320.0), pose, np.array([0.0, -600.0, 2400.0]))
     x, y = np.linspace(-1000.0, 600.0, 321), np.linspace(-3500.0, -1300.0, 12)
     spans = visible_intervals(edge_of(view), 0, x)

@@ -16,7 +16,7 @@ from mirror_studio.rules.verdicts import judged
 from raytrace.reflector import Reflector
 from raytrace.surfaces.quadric import QuadricFace
 from tests.conftest import designed
-from tests.rule_mirrors import measured, plane, rectangle, sphere
+from tests.rule_mirrors import TOWARDS_Z, measured, plane, rectangle, sphere
 from tests.test_spherometer import line
 
 Array = NDArray[np.float64]
@@ -142,3 +142,18 @@ def test_face_with_a_hole_is_refused() -> None:
     face = QuadricFace(Quadric("plane", np.zeros(3), np.eye(3), 0.0), (rectangle(200.0, 100.0), rectangle(20.0, 20.0)))
     with pytest.raises(SpecError, match="bounded by 2 curves, around 20000, 400 mm²: a face with holes"):
         outline_of(Reflector(face))
+
+
+def test_two_faces_are_one_mirror() -> None:
+    """A sphere in two faces side by side, as aspheric mirrors come: outline and radius are those of the whole."""
+    r = 1250.0
+
+    def part(low: float, high: float) -> QuadricFace:
+        loop = np.array([[low, -60.0], [high, -60.0], [high, 60.0], [low, 60.0]]) / r
+        return QuadricFace(Quadric("sphere", np.array([0.0, 0.0, -r]), TOWARDS_Z, r), (loop,))
+
+    m = measured(Reflector.of_faces((part(-90.0, 30.0), part(30.0, 90.0))))
+    of = judged(m, "III")
+    assert line(of, "rectangle_mm").value == pytest.approx(2.0 * r * np.sin(0.072) * np.sqrt(1.0 - (20.0 / r) ** 2), abs=1e-5)
+    assert line(of, "segment_b_mm").value == pytest.approx(2.0 * r * np.sin(0.048), abs=1e-5)
+    assert line(of, "radius_r_mm").value == pytest.approx(r, abs=1e-6)
