@@ -10,7 +10,8 @@ from typing import Any
 
 import griffe
 
-ONE_LINE = re.compile(r"^((?:\*{0,2}\w+(?: \([^)]*\))?(?:, )?)+) : (.+)$")
+NAME = r"\*{0,2}\w+(?: \([^)]*\))?"
+ONE_LINE = re.compile(rf"^({NAME}(?:, {NAME})*) : (.+)$")  # names are apart by commas alone: read in one pass
 TYPES = re.compile(r"^(array_like|ndarray|float|int|str|bool|tuple|list|dict|type|callable|None|sequence|path|\w+ or )")
 
 
