@@ -41,7 +41,7 @@ y_m = -3.5
 scene = load_scene("van.toml")
 mirror = driven_mirror("sphere-1250", scene)
 print(mirror.pose)
-field = extent(eye_fields(mirror.views, mirror.own).horizon_clear.either)
+field = extent(eye_fields(mirror.views, mirror.host).horizon_clear.either)
 print(f"{field:.1f}° of the horizon are seen by either eye beside the van")
 
 picture, _ = both_eyes(mirror, World(scene), width=EYE_PX[0], height=EYE_PX[1])

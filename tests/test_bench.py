@@ -167,8 +167,8 @@ def test_kernel_interpolation_of_73_points_has_a_dent_that_its_nodes_do_not_show
 def test_every_evaluation_agrees_with_the_kernel(one_run: None) -> None:
     """1e-11: rounding of second derivatives, 1e4 units of the last digit."""
     table, = evaluation.tables((32,))
-    assert {row["way"] for row in table.rows} == set(evaluation.WAYS)
-    assert all(row["disagreement"] < 1e-11 for row in table.rows if row["way"] != evaluation.ORACLE)
+    assert {row["method"] for row in table.rows} == set(evaluation.WAYS)
+    assert all(row["disagreement"] < 1e-11 for row in table.rows if row["method"] != evaluation.ORACLE)
 
 
 def test_command_writes_a_whole_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_run: None,

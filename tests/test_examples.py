@@ -58,7 +58,7 @@ def test_deviation_report(run: Any) -> None:
     """k1 misses by 3.67 % where the design is integrated exactly and its curvature taken from the sag's derivatives."""
     names = run("deviation_report.py")
     assert names["worst"] == pytest.approx(3.67, abs=0.005)
-    assert abs(names["deviation"].stages["fit"]["k1_max_percent"]) < 0.01
+    assert abs(names["deviation"].stages.fit.k1.max_percent) < 0.01
     assert has_content(Path("deviation_report.png"))
 
 
@@ -76,7 +76,7 @@ def test_own_vehicle(run: Any) -> None:
     names = run("own_vehicle.py")
     mirror = names["mirror"]
     assert mirror.shown().flank == pytest.approx(0.12, abs=1e-6)
-    seen = np.concatenate([level_azimuths_deg(view, mirror.own) for view in (mirror.views.left, mirror.views.right)])
+    seen = np.concatenate([level_azimuths_deg(view, mirror.host) for view in (mirror.views.left, mirror.views.right)])
     assert names["field"] == pytest.approx(np.ptp(seen), abs=0.1)
     assert has_content(Path("own_vehicle.png"))
 

@@ -208,12 +208,12 @@ def test_contracts_perspective_view(contract: Mirror, tmp_path: Path) -> None:
     contract.export_step(tmp_path / "mirror.step")
     figures = target_figures(contract, raytrace.load_reflector(tmp_path / "mirror.step").uncoated.surface)
     assert figures is not None
-    assert figures["rms_arcmin"] <= 3.08
-    assert figures["max_arcmin"] <= 10.2
-    assert figures["settled"]
-    levels = figures["floor"]
-    assert abs(levels[0]["rms_arcmin"] - levels[1]["rms_arcmin"]) < 0.02
-    assert all(level["steps"] <= 5 for level in levels)
+    assert figures.rms_arcmin <= 3.08
+    assert figures.max_arcmin <= 10.2
+    assert figures.settled
+    levels = figures.floor
+    assert abs(levels[0].rms_arcmin - levels[1].rms_arcmin) < 0.02
+    assert all(level.steps <= 5 for level in levels)
     finer = made(CONTRACT, surface={"spans": [16, 12]})
     traced = target_figures(finer, Reflector.from_mirror(finer).uncoated.surface)
     assert traced is not None
@@ -269,12 +269,12 @@ def test_both_eyes_have_a_floor_each_and_mirror_with_them() -> None:
     other = target_figures(right, Reflector.from_mirror(right).uncoated.surface)
     assert figures is not None
     assert other is not None
-    assert set(figures["eyes"]) == {"left", "right"}
-    assert figures["eyes"]["left"]["rms_arcmin"] == pytest.approx(other["eyes"]["right"]["rms_arcmin"], rel=1e-6)
+    assert set(figures.eyes) == {"left", "right"}
+    assert figures.eyes["left"].rms_arcmin == pytest.approx(other.eyes["right"].rms_arcmin, rel=1e-6)
     one = made(CONTRACT, **even, surface={"spans": [8, 6]})
     alone = target_figures(one, Reflector.from_mirror(one).uncoated.surface)
     assert alone is not None
-    assert alone["rms_arcmin"] < figures["rms_arcmin"]  # what pleases two pleases neither
+    assert alone.rms_arcmin < figures.rms_arcmin  # what pleases two pleases neither
 
 
 @pytest.mark.parametrize("aligned", ["right", "centre", "left"])

@@ -21,6 +21,7 @@ from mirror_cad.outline import truck_outline
 from mirror_cad.outline.files import write_dxf
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.build import pipeline
+from mirror_studio.build.results import Metrics
 from mirror_studio.cli import run
 from mirror_studio.progress import Progress
 
@@ -104,7 +105,7 @@ def designed_only(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool 
     write_dxf(mirror.outline, folder / "outline.dxf")
     assert math.isfinite(mirror.outline.area_mm2())
     assert np.isfinite(mirror.surface.poles).all()
-    return pipeline.Built(mirror, None, {}, ())  # type: ignore[arg-type]
+    return pipeline.Built(mirror, None, Metrics(), ())  # type: ignore[arg-type]
 
 
 def check(kind: str, seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,7 @@ from mirror_cad.outline.segments import Arc, Line, Spline
 from mirror_cad.own_files import hand_of
 from mirror_cad.reflection import reflected_mesh, reflected_surface
 from mirror_cad.spec.file import load_spec
+from mirror_studio.as_json import placement_as_json
 from mirror_studio.build.pipeline import build, trace_file
 from mirror_studio.drive.mirrors import driven_mirror
 from mirror_studio.progress import Progress
@@ -127,12 +128,12 @@ def test_a_trace_takes_the_hand_from_the_file(kind: str, pair: dict[str, Path], 
     spec = spec_of_hand("left")
     left, right = (trace_file(pair[hand] / f"progressive-c.{kind}", spec, tmp_path / f"{hand}-{kind}", Progress(quiet=True),
                               normals="interpolated") for hand in HANDS)
-    assert right["placement"] == left["placement"] | {"hand": "right"}
+    assert placement_as_json(right.placement) == placement_as_json(left.placement) | {"hand": "right"}
     same = {"rel": 1e-9} if kind == "step" else {"rel": 2e-3}  # other facets
-    assert right["h_fov_deg"]["traced"] == pytest.approx(left["h_fov_deg"]["traced"], **same)
-    lanes = [each["lane_straightness_percent"]["traced"] for each in (left, right)]
+    assert right.h_fov_deg == pytest.approx(left.h_fov_deg, **same)
+    lanes = [each.lane_straightness_percent.traced for each in (left, right)]
     assert (lanes == [None, None]) if kind == "stl" else (lanes[1] == pytest.approx(lanes[0], **same))
-    assert right["box_mm"] == pytest.approx(left["box_mm"], abs=1e-3 if kind == "stl" else 1e-9)
+    assert right.box_mm == pytest.approx(left.box_mm, abs=1e-3 if kind == "stl" else 1e-9)
 
 
 def test_a_trace_says_where_specification_and_file_differ(pair: dict[str, Path], tmp_path: Path,

@@ -233,6 +233,8 @@ def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
 # Tables have rows of inputs, and files buttons.
 WITHOUT_CONTROL = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm", "file")}
 WITHOUT_CONTROL |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
+# A mirror from a view is made from its file, not on the page.
+WITHOUT_CONTROL |= {f"target.{key}" for key in ("projection", "azimuth_deg", "elevation_deg", "x_mm", "y_mm", "eye", "convex")}
 WITHOUT_CONTROL |= {f"outline.{key}" for key in ("file", "layer", "join_mm", "loop")}  # how the file is read: its TOML's
 
 

@@ -133,7 +133,9 @@ def _digits_with_power(digits: int) -> int:
 def _shown(value: float, digits: int) -> float:
     """What `number` shows of a value."""
     rounded = float(f"{value:.{digits - 1}e}")
-    return rounded if SMALLEST_PLAIN <= abs(rounded) < LARGEST_PLAIN else float(f"{value:.{_digits_with_power(digits) - 1}e}")
+    if SMALLEST_PLAIN <= abs(rounded) < LARGEST_PLAIN:  # to a whole number at the least, whatever its digits
+        return float(f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(rounded))))}f}")
+    return float(f"{value:.{_digits_with_power(digits) - 1}e}")
 
 
 def _joined(text: str, unit: str) -> str:

@@ -25,6 +25,9 @@ Intervals = tuple[Interval, ...]
 GRID_SHAPE = 33  # directions of a part that the mirror shows, ends included, between which the vehicle's edges are looked for
 FAR_MM = 1e9  # a thousand kilometres: where directions that the host vehicle may hide end
 
+# Of an interval: how far inside a mesh's edge, where no ray may meet a facet, the segment that stands for its end is taken.
+INWARD = (1e-6, 1e-5, 1e-4, 1e-3)
+
 
 @dataclass(frozen=True, slots=True)
 class EyeField:
@@ -161,6 +164,13 @@ def _unhidden(view: View, circle: _Circle, host: HostVehicle, ends: Array, at: A
     share = np.linspace(0.0, 1.0, GRID_SHAPE)
     angle = ends[0] + (ends[1] - ends[0]) * share
     places, starts, stops = segments(angle, at[0] + share[:, None] * (at[1] - at[0]))
+    for end in (0, -1):
+        for inward in INWARD:
+            if np.isfinite(starts[end]).all():
+                break
+            near = np.array([abs(share[end] - inward)])
+            found = segments(ends[0] + (ends[1] - ends[0]) * near, at[0] + near[:, None] * (at[1] - at[0]))
+            places[end], starts[end], stops[end] = (each[0] for each in found)
     known = np.isfinite(starts).all(axis=1)  # not where a mesh ends beside a place
     angle, places, starts, stops = angle[known], places[known], starts[known], stops[known]
 
