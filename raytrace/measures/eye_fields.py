@@ -169,8 +169,8 @@ def _unhidden(view: View, circle: _Circle, host: HostVehicle, ends: Array, at: A
             if np.isfinite(starts[end]).all():
                 break
             near = np.array([abs(share[end] - inward)])
-            found = segments(ends[0] + (ends[1] - ends[0]) * near, at[0] + near[:, None] * (at[1] - at[0]))
-            places[end], starts[end], stops[end] = (each[0] for each in found)
+            beside = segments(ends[0] + (ends[1] - ends[0]) * near, at[0] + near[:, None] * (at[1] - at[0]))
+            places[end], starts[end], stops[end] = (each[0] for each in beside)
     known = np.isfinite(starts).all(axis=1)  # not where a mesh ends beside a place
     angle, places, starts, stops = angle[known], places[known], starts[known], stops[known]
 
