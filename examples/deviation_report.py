@@ -6,10 +6,10 @@ import mirror_cad as mc
 
 mirror = mc.design(mc.load_spec("progressive-c"))
 deviation = mirror.deviation()  # writes STEP and STL to a temporary folder, reads them back, and compares
-worst = deviation.total["k1_max_percent"]
-x, y = deviation.total["k1_max_at_mm"]
+worst = deviation.total.k1.max_percent
+x, y = deviation.total.k1.max_at_mm
 print(f"k1 is off by {worst:+.2f} % at ({x:.0f}, {y:.0f}) mm; "
-      f"of that the B-spline's fit is {abs(deviation.stages['fit']['k1_max_percent']):.3f} %")
+      f"of that the B-spline's fit is {abs(deviation.stages.fit.k1.max_percent):.3f} %")
 
 figure = Figure(figsize=(4.4, 5.2), layout="constrained")
 axes = figure.add_subplot(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="k1, realised minus designed, %")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import NdBSpline, make_interp_spline
+
+if TYPE_CHECKING:
+    from scipy.interpolate import NdBSpline
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -75,6 +77,8 @@ class Column:
 
     @cached_property
     def _spline(self) -> NdBSpline:
+        from scipy.interpolate import make_interp_spline
+
         found = make_interp_spline(self.x, self.angle, k=min(SMOOTH_DEGREE, len(self.x) - 1))
         return found
 
@@ -118,6 +122,8 @@ class TableView:
 
     @cached_property
     def _splines(self) -> NdBSpline:
+        from scipy.interpolate import NdBSpline, make_interp_spline
+
         degrees = [min(SMOOTH_DEGREE, len(axis) - 1) for axis in (self.x, self.y)]
         along = make_interp_spline(self.x, np.stack([self.azimuth, self.elevation], axis=-1), k=degrees[0], axis=0)
         both = make_interp_spline(self.y, along.c, k=degrees[1], axis=1)

@@ -217,7 +217,7 @@ def test_contracts_perspective_view(contract: Mirror, tmp_path: Path) -> None:
     finer = made(CONTRACT, surface={"spans": [16, 12]})
     traced = target_figures(finer, Reflector.from_mirror(finer).uncoated.surface)
     assert traced is not None
-    assert abs(traced["rms_arcmin"] - figures["rms_arcmin"]) < 0.02
+    assert abs(traced.rms_arcmin - figures.rms_arcmin) < 0.02
 
 
 def test_the_floor_is_integrability(contract: Mirror) -> None:
@@ -325,7 +325,7 @@ def test_deviation_leaves_out_what_laws_would_say(contract: Mirror) -> None:
     assert found["stages"]["model"] is None
     assert found["verdicts"] == {"numerical": True, "part": None}
     assert abs(found["stages"]["step"]["sag_max_mm"]) < 1e-9
-    assert found["stages"]["fit"]["sag_max_mm"] == 0.0
+    assert abs(found["stages"]["fit"]["sag_max_mm"]) < 1e-13  # the same surface, evaluated by two routes
 
 
 @pytest.mark.parametrize(("change", "said"), [

@@ -25,6 +25,7 @@ from mirror_cad.laws.matched import open_number, with_solved
 from mirror_cad.laws.matching import solve_match
 from mirror_cad.section_fov import circle_section_fov
 from mirror_cad.spec.file import spec_as_json, validate_spec
+from mirror_studio.build.results import Metrics
 from mirror_studio.drive.sensitivity import with_radii
 from mirror_studio.report.page import facts
 from mirror_studio.web import controls, state
@@ -156,7 +157,7 @@ def test_the_page_is_sent_the_controls_of_a_law_of_ones_own() -> None:
 @pytest.mark.usefixtures("wave")
 def test_the_reports_table_says_a_law_of_ones_own() -> None:
     mirror = mc.design(spec_of(WAVE, WAVE))
-    rows = dict(facts(mirror, {}))
+    rows = dict(facts(mirror, Metrics()))
     assert (rows["Horizontal law Rx(x)"], rows["Vertical law Ry(x)"]) == ("1 waves about 900 mm, 0.2 deep",) * 2
 
 
@@ -168,7 +169,7 @@ def test_no_file_of_the_packages_asks_for_a_law_by_name_but_the_laws_own() -> No
                       rf"""|\[[^\]]*["'](?:{names})["'][^\]]*\]\.includes"""
                       rf"""|isinstance\([^)]*\b(?:laws\.)?(?:{classes})\b|case (?:{classes})\(""")
     others = {"mirror_cad/laws/zones.py": "blend", "mirror_cad/laws/table.py": "interpolation",
-              "mirror_studio/web/server.py": "kind =="}
+              "mirror_studio/web/server.py": "kind ==", "mirror_cad/spec/target.py": "projection"}
     found = []
     for path in (path for package in PACKAGES for path in (HOME / package).rglob("*") if path.suffix in (".py", ".js")):
         if path.name == "studio.js" or {"bench", "node_modules"} & set(path.parts):

@@ -147,9 +147,16 @@ measures = ["v_fov_left_traced_deg"]
     assert "behind the mirror" in rows(out / "rows.csv")[1]["cause"]
 
 
+def of_radii(folder: Path) -> None:
+    """A specification of two constant laws, which are no sphere where only one is varied."""
+    law = 'law = "constant"\nradius_mm = 950.0\n'
+    (folder / "radii.toml").write_text(f'name = "radii"\n[horizontal]\n{law}[vertical]\n{law}')
+
+
 def test_measures_on_the_vehicle(tmp_path: Path) -> None:
+    of_radii(tmp_path)
     text = """
-spec = "sphere-950"
+spec = "radii.toml"
 scene = "motorway"
 measures = ["magnification_least", "h_fov_traced_deg"]
 [vary]
@@ -181,8 +188,9 @@ def test_front_holds_what_no_row_beats(tmp_path: Path) -> None:
 
 def test_one_objective_ends_on_its_limit(tmp_path: Path) -> None:
     """The largest V-FOV of spheres no smaller than 43° across: a radius that the field of view settles."""
+    of_radii(tmp_path)
     text = """
-spec = "sphere-950"
+spec = "radii.toml"
 [vary]
 "horizontal.radius_mm" = { from = 700.0, to = 1500.0 }
 [optimise]

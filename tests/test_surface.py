@@ -29,7 +29,7 @@ def test_surface_meets_the_exact_sag_off_the_nodes(name: str) -> None:
     x, y = rng.uniform(-115, 115, 20_000), rng.uniform(-163, 163, 20_000)
     inside = mirror.outline.contains(x, y)
     x, y = x[inside], y[inside]
-    want = mirror.exact.derivatives(x, y)
+    want = mirror.model.derivatives(x, y)
     got = mirror.surface.derivatives(x, y)
     assert np.abs(got["s"][:, 2] - want.z).max() <= 1e-5
     assert np.abs(got["s"][:, :2] - np.stack([x, y], axis=1)).max() <= 1e-12  # u = x, v = y
@@ -46,7 +46,7 @@ def test_model_stage_is_the_analytic_curvature_against_the_design(name: str) -> 
     deviation = mirror.deviation()
     grid = Grid.over(mirror.outline)
     x, y, h = grid.x, grid.y, 0.05
-    z = {(i, j): mirror.exact.height(x + i * h, y + j * h) for i in (-2, -1, 0, 1, 2) for j in (-2, -1, 0, 1, 2)}
+    z = {(i, j): mirror.model.height(x + i * h, y + j * h) for i in (-2, -1, 0, 1, 2) for j in (-2, -1, 0, 1, 2)}
     first = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
     second = {-2: -1 / 12, -1: 16 / 12, 0: -30 / 12, 1: 16 / 12, 2: -1 / 12}
     p = sum(c * z[i, 0] for i, c in first.items()) / h

@@ -178,7 +178,8 @@ def test_rays_at_the_very_edge_of_a_sheet_that_ends_there(tmp_path: Path) -> Non
     assert mirror.surface.domain[1] == 115.0
     first = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, picture_rays())
     again = raytrace.reflect(raytrace.Reflector.from_mirror(mirror), EYE, picture_rays())
-    wide = raytrace.reflect(raytrace.Reflector.from_mirror(designed("sphere-1250")), EYE, picture_rays())
+    wide = raytrace.reflect(raytrace.Reflector.from_mirror(mirror_cad.design(spec_of(constant(1250.0), constant(1250.0)))), EYE,
+                            picture_rays())
     assert first.counts() == again.counts() == wide.counts()
 
 

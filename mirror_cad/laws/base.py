@@ -98,6 +98,11 @@ class Law(Section):
         """Say it in the fewest words: “1250 → 400 mm, zones”, from right to left."""
         return self.in_words()
 
+    @property
+    def radius_everywhere_mm(self) -> float | None:
+        """The one radius of a law that has it everywhere, inf of a flat one; None of any other."""
+        return None
+
     def extent(self) -> tuple[float, float] | None:
         """Return the x between which the law is stated and beyond which it is held, mm; None for all of the mirror."""
         return self.span_mm

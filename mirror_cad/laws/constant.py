@@ -24,6 +24,11 @@ class Constant(Law):
     law: Literal["constant"] = "constant"
     radius_mm: Annotated[RadiusOrFlat, Shown("{axis} everywhere", 20.0, 3000.0, 5.0, 1, start="$right", drag="everywhere")]
 
+    @property
+    def radius_everywhere_mm(self) -> float | None:
+        """R, mm."""
+        return self.radius_mm
+
     def over(self, span: Span) -> CurvatureLaw:
         """Make κ(x), 1/mm, convex positive, with t = 0 and 1 where `span` has them."""
         return CurvatureLaw(lambda x: np.full(np.shape(x), 1.0 / self.radius_mm), (), "constant law")

@@ -23,7 +23,7 @@ from pydantic.functional_validators import PlainValidator
 from pydantic_core import InitErrorDetails
 
 from mirror_cad.keys import ELSEWHERE, AsTuple, Coordinate, Length, Number, Section, Shown
-from mirror_cad.laws import Constant, Law
+from mirror_cad.laws import Law
 from mirror_cad.laws.unstated import Unstated
 from mirror_cad.limits import limit_units
 from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
@@ -335,9 +335,8 @@ class MirrorSpec(Section):
         return self
 
     def _of_one_radius(self) -> bool:
-        return (isinstance(self.horizontal, Constant) and isinstance(self.vertical, Constant)
-                and self.horizontal.radius_mm == self.vertical.radius_mm)
-
+        radius = self.horizontal.radius_everywhere_mm
+        return radius is not None and radius == self.vertical.radius_everywhere_mm
 
     def _faults_of_view(self) -> list[str]:
         """What does not go with a wanted view, or without one."""

@@ -60,8 +60,8 @@ def no_sphere(state: Mapping[str, Any]) -> bool:
     if not (isinstance(surface, dict) and surface.get("method") == "sphere"
             and isinstance(across, dict) and isinstance(upright, dict)):
         return False
-    return any(across.get(key) != upright.get(key) or key not in across for key in ("law", "radius_mm")) \
-        or across["law"] != "constant"
+    # Only a law of one radius everywhere has this key.
+    return any(across.get(key) != upright.get(key) or key not in across for key in ("law", "radius_mm"))
 
 
 def as_spec(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
