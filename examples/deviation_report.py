@@ -13,6 +13,6 @@ print(f"k1 is off by {worst:+.2f} % at ({x:.0f}, {y:.0f}) mm; "
 
 figure = Figure(figsize=(4.4, 5.2), layout="constrained")
 axes = figure.add_subplot(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="k1, realised minus designed, %")
-points = axes.scatter(deviation.grid.x, deviation.grid.y, c=deviation.percent["k1"], s=2, cmap="RdBu_r", vmin=-5, vmax=5)
+points = axes.scatter(deviation.grid.x, deviation.grid.y, c=deviation.percent.k1, s=2, cmap="RdBu_r", vmin=-5, vmax=5)
 figure.colorbar(points)
 figure.savefig("deviation_report.png", dpi=110)
