@@ -18,6 +18,7 @@ def install() -> None:
     """Have this program end by `stop` when it is interrupted. For programs, not for what imports us."""
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, _interrupted)
+    sys.unraisablehook = _unraisable
 
 
 def begin() -> None:
@@ -59,6 +60,12 @@ def _interrupted(number: int, frame: FrameType | None) -> None:
         print(STOPPED, file=sys.stderr)
         leave(FAILED)
     raise KeyboardInterrupt
+
+
+def _unraisable(unraisable: sys.UnraisableHookArgs) -> None:
+    """Report what cannot be raised, but for an interrupt in a callback of a library in C: `check` raises that one again."""
+    if not (_asked and isinstance(unraisable.exc_value, KeyboardInterrupt)):
+        sys.__unraisablehook__(unraisable)
 
 
 def _importing(frame: FrameType | None) -> bool:

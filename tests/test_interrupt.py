@@ -62,3 +62,22 @@ def test_an_interrupt_that_a_library_swallowed_is_found_at_the_next_step(monkeyp
     monkeypatch.setattr(cli, "app", broken)
     assert cli.run(["build", "sphere-950"]) == 1
     assert capsys.readouterr().err == f"{interrupt.STOPPED}\n"
+
+
+def test_an_interrupt_in_a_callback_of_a_library_leaves_no_traceback() -> None:
+    """As it comes to numba, whose kernels are compiled in callbacks: it is raised again at the next step."""
+    program = """
+import ctypes, os, signal
+from mirror_studio import interrupt
+
+interrupt.install()
+interrupt.begin()
+callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))
+callback()
+try:
+    interrupt.check()
+except KeyboardInterrupt:
+    print("found")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.stdout, done.stderr) == ("found\n", "")
