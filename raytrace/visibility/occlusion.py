@@ -40,7 +40,7 @@ def grazing_functions(host: HostVehicle, starts: Array, ends: Array) -> Array:
 
     Parameters
     ----------
-    own : the box.
+    host : the box.
     starts, ends : (n, 3) mm.
 
     Returns
@@ -69,7 +69,7 @@ def unhidden(host: HostVehicle, row: Index, at: Array, samples: Segments, rays: 
 
     Parameters
     ----------
-    own : the box.
+    host : the box.
     row, at : (n,), each row's samples in rising order of the parameter; a row's first and last are its ends.
     samples : the segments at the samples, mm; finite.
     rays : segments (m, 3) at shares (m,) of the way from samples (m,) to the next of the same row; NaN where there are none.
