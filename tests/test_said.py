@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mirror_cad.spec.file import load_spec, spec_as_json, validate_spec
@@ -30,6 +30,7 @@ def value_of(text: str) -> float:
 
 
 @given(st.floats(1e-9, 1e6), st.floats(-1e-3, 1e-3), st.sampled_from(["size", "least", "most"]), st.booleans())
+@example(1.0, 3e-16, "size", False)  # the next double: told by its seventeenth digit alone
 def test_a_requirement_is_told_on_the_side_of_its_limit_on_which_it_is(limit: float, off: float, side: str,
                                                                         negative: bool) -> None:
     actual = limit * (1.0 + off)

@@ -75,12 +75,12 @@ def decimals_telling(value: float, limit: float, met: bool, decimals: int) -> in
     4.6413 beside a limit of 4.641 is not "4.64". A value that meets its limit may be rounded onto it; one that misses it may
     not.
     """
-    return _telling(value, limit, met, range(decimals, MAX_DECIMALS), lambda size, n: round(size, n))
+    return _telling(value, limit, met, range(decimals, MAX_DECIMALS + 1), lambda size, n: round(size, n))
 
 
 def digits_telling(value: float, limit: float, met: bool, digits: int) -> int:
     """The same for `number`: significant digits, `digits` at least."""
-    return _telling(value, limit, met, range(digits, MAX_DIGITS), _shown)
+    return _telling(value, limit, met, range(digits, MAX_DIGITS + 1), _shown)
 
 
 def _telling(value: float, limit: float, met: bool, counts: range, rounded: Callable[[float, int], float]) -> int:
