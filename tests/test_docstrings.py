@@ -7,14 +7,14 @@ import tomllib
 from pathlib import Path
 
 HOME = Path(__file__).parents[1]
-MOST_FILES = 45  # lower it with the list
+MAX_FILES = 34  # lower it with the list
 
 
 def test_the_list_of_files_without_numpy_docstrings_only_becomes_shorter() -> None:
     lint = tomllib.loads((HOME / "pyproject.toml").read_text("utf-8"))["tool"]["ruff"]["lint"]
     assert "D" in lint["select"]
     listed = {file for file, rules in lint["per-file-ignores"].items() if "D" in rules and "/" in file and "*" not in file}
-    assert len(listed) <= MOST_FILES
+    assert len(listed) <= MAX_FILES
     assert not [file for file in listed if not (HOME / file).is_file()]
     found = subprocess.run(
         [sys.executable, "-m", "ruff", "check", "--isolated", "--select", "D", "--ignore", ",".join(

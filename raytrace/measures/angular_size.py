@@ -24,9 +24,12 @@ DISTANCES_MM = (20_000.0, 50_000.0)  # behind the ocular points
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """The front of a following vehicle: an upright rectangle on the ground, across the road, mm.
+    """The front of a following vehicle: an upright rectangle that stands on the ground, across the road.
 
-    width_mm, height_mm : its size.   y_mm : of its middle, to the right of the host vehicle's median plane.
+    Parameters
+    ----------
+    width_mm, height_mm : its size, mm.
+    y_mm : Y of its middle, mm, to the right of the host vehicle's median plane.
     """
 
     width_mm: float
@@ -36,12 +39,17 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class AngularSize:
-    """How large a face is seen, arc minutes: `width` between its sides at half its height, `height` between its lower and
-    upper edge at half its width.
+    """How large a face is seen at one distance, in the mirror, in a flat mirror and without one.
 
-    distance_mm : X of the face, behind the ocular points.   mirror : in the mirror, None where it does not show the whole
-    face.   flat : in a flat mirror in its place, tangent to it where it shows the middle of the face; None where it does
-    not.   direct : by an eye that looks round, from the same point.
+    A size is (width, height), arc minutes: the angle between the two sides at half the face's height, and that between its
+    lower and upper edge at half its width.
+
+    Attributes
+    ----------
+    distance_mm : X of the face, mm, behind the ocular points.
+    mirror : in the mirror; None where it does not show the whole face.
+    flat : in a flat mirror in its place, tangent to it where it shows the middle of the face; None where it does not.
+    direct : by an eye that looks round, from the same point.
     """
 
     distance_mm: float
@@ -52,11 +60,23 @@ class AngularSize:
 
 def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTANCES_MM, host: HostVehicle | None = None,
                   ) -> tuple[AngularSize, ...]:
-    """How large a face is seen at each distance; each size is the angle between two directions of the eye.
+    """Measure how large a face is seen at each of several distances; a size is the angle between two directions of the eye.
 
     The directions are those in which the mirror shows the middles of the face's sides and edges, found on exact rays. It
     shows the whole face where these four and the four corners lie inside the outline and `host` hides none of them. A mesh
     stands for the smooth surface that its vertices lie on.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    face : what is looked at.
+    distances_mm : X of the face, mm, behind the ocular points.
+    host : what hides; None for nothing.
+
+    Returns
+    -------
+    tuple of AngularSize
+        One for each distance, in their order.
     """
     view = view.interpolated
     across, up = np.meshgrid([-0.5, 0.0, 0.5], [0.0, 0.5, 1.0])
@@ -90,7 +110,7 @@ def _size(directions: Array) -> tuple[float, float]:
 
 
 def sizes_in_use(use: MirrorInUse) -> tuple[AngularSize, ...]:
-    """`angular_sizes` of the vehicle that the scene asks about."""
+    """`angular_sizes` of the vehicle that the scene asks about, from between the eyes; empty where it asks about none."""
     there = use.on_vehicle
     face = there.asked.face
     return angular_sizes(there.views.middle, face, there.asked.distances, there.host) if face else ()
@@ -101,7 +121,17 @@ SIDES = (("width", "its two sides at half its height"), ("height", "its lower an
 
 @register_family
 def vehicle_sizes(use: MirrorInUse) -> tuple[Measure, ...]:
-    """Width and height of one vehicle at each distance that the scene asks about, in the mirror and in a flat one."""
+    """Make the measures of width and height of one vehicle, at each distance that the scene asks about.
+
+    Parameters
+    ----------
+    use : the mirror; on no vehicle, or with a scene that asks about no face, there are none.
+
+    Returns
+    -------
+    tuple of Measure
+        Four for each distance: width and height, in the mirror and in a flat one in its place, arc minutes.
+    """
     asked = None if use.vehicle is None else use.vehicle.asked
     found = []
     for k, at in enumerate(asked.distances if asked is not None and asked.face is not None else ()):

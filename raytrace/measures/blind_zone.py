@@ -33,7 +33,7 @@ CAR_LENGTH_MM, CAR_WIDTH_MM = 4_500.0, 1_800.0
 
 @dataclass(frozen=True, slots=True)
 class NearLane:
-    """A lane beside the host vehicle's: y_min_mm ≤ Y ≤ y_max_mm."""
+    """A lane beside the host vehicle's: y_min_mm ≤ Y ≤ y_max_mm, in vehicle coordinates."""
 
     y_min_mm: float
     y_max_mm: float
@@ -41,11 +41,18 @@ class NearLane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlindZone:
-    """The part of a lane that is in no view, at one height over the ground; mm, and mm².
+    """The part of a lane that is in no view, at one height over the ground.
 
-    middle (k, 2) : the intervals of X along the lane's middle.   length_mm : of all.   area_mm2 : between the lines looked at.
-    outlines : closed polygons (n, 2) of (X, Y).   endless : whether the zone goes on where looking ends, so that length and
-    area are what is looked at.   x_mm (n,), spans : the lines X = const on which it was found, and its intervals of Y.
+    Attributes
+    ----------
+    height_mm : over the ground, mm.
+    middle : (k, 2), mm, the intervals of X along the lane's middle.
+    length_mm : of all of these, mm.
+    area_mm2 : between the lines looked at, mm².
+    outlines : closed polygons (n, 2) of (X, Y), mm.
+    endless : whether the zone goes on where looking ends, so that length and area are of what is looked at.
+    x_mm : (n,), mm, the lines X = const on which it was found.
+    spans : its intervals of Y on them, mm.
     """
 
     height_mm: float
@@ -60,7 +67,14 @@ class BlindZone:
 
 @dataclass(frozen=True, slots=True)
 class HiddenCar:
-    """Whether a car of the stated size hides wholly, and how long the longest of its width is that does, mm."""
+    """Whether a car of one size hides wholly in the blind zones.
+
+    Attributes
+    ----------
+    length_mm, width_mm : its size, mm.
+    hides : whether it does.
+    longest_mm : how long the longest of its width is that does, mm.
+    """
 
     length_mm: float
     width_mm: float
@@ -70,9 +84,9 @@ class HiddenCar:
 
 def blind_zone(left: View, right: View, host: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
                direct_view: float = DIRECT_VIEW) -> BlindZone:
-    """The points (X, Y, height) of a lane that neither eye sees in the mirror and that are behind the limit of direct view.
+    """Find the points (X, Y, height) of a lane that neither eye sees in the mirror and that are not in direct view.
 
-    Direct view ends at an azimuth from straight ahead, in radians, to either side of the middle of the eyes:
+    Direct view ends at an azimuth from straight ahead, to either side of the middle of the eyes:
 
         seen directly:   atan2(|Y − Y_e|, X_e − X) ≤ direct_view
 
@@ -81,8 +95,23 @@ def blind_zone(left: View, right: View, host: HostVehicle | None, lane: NearLane
     60°, and what he sees beside that is his to state. The lane is looked at from X = −5 to 60 m. The intervals along its
     middle and the vertices of the outlines are exact; the area is the trapezoidal rule over lines 25 mm apart up to 8 m behind
     the eyes and 0.2 m beyond.
-    Source: Platzer, The geometry of automotive rearview mirrors: why blind zones exist and strategies to overcome them, SAE
-    950601 (1995), for the idea; here both eyes, the host vehicle and the height of what is to be seen count.
+
+    Parameters
+    ----------
+    left, right : the mirror as the two eyes see it.
+    host : what hides; None for nothing.
+    lane : beside the host vehicle's.
+    height_mm : over the ground, mm.
+    direct_view : radians.
+
+    Returns
+    -------
+    BlindZone
+
+    References
+    ----------
+    Platzer, The geometry of automotive rearview mirrors: why blind zones exist and strategies to overcome them, SAE 950601
+    (1995), for the idea; here both eyes, the host vehicle and the height of what is to be seen count.
     """
     eye = 0.5 * (left.eye + right.eye)
     spans = _blind(left, right, host, 0, LINES_MM, height_mm, (lane.y_min_mm, lane.y_max_mm), eye, direct_view)
@@ -94,18 +123,38 @@ def blind_zone(left: View, right: View, host: HostVehicle | None, lane: NearLane
 
 def blind_along(left: View, right: View, host: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
                 direct_view: float = DIRECT_VIEW) -> IntervalSet:
-    """The intervals of X along a lane's middle in its blind zone (`blind_zone`), as those of line 0."""
+    """Find the intervals of X along a lane's middle in its blind zone.
+
+    Parameters
+    ----------
+    left, right, host, lane, height_mm, direct_view : as in `blind_zone`.
+
+    Returns
+    -------
+    IntervalSet
+        All on row 0, mm.
+    """
     middle = np.array([0.5 * (lane.y_min_mm + lane.y_max_mm)])
     return _blind(left, right, host, 1, middle, height_mm, (FROM_MM, TO_MM), 0.5 * (left.eye + right.eye), direct_view)
 
 
 def hidden_car(zones: tuple[BlindZone, ...], lane: NearLane, length_mm: float = CAR_LENGTH_MM, width_mm: float = CAR_WIDTH_MM,
                ) -> HiddenCar:
-    """Whether a car, a rectangle along the lane, fits into the blind zones at each of the heights looked at.
+    """Find whether a car, a rectangle along the lane, fits into the blind zones at each of the heights looked at.
 
-    Tried at places 25 mm apart across the lane. Its length is that of the lines X = const on which its width is blind, with
+    Tried 25 mm apart across the lane. Its length is that of the lines X = const on which its width is blind, with
     the ends between two lines interpolated straight where one end of their intervals moves past it; else at most a line's
     distance too short.
+
+    Parameters
+    ----------
+    zones : of one lane, at one or more heights.
+    lane : that lane.
+    length_mm, width_mm : of the car, mm.
+
+    Returns
+    -------
+    HiddenCar
     """
     first = zones[0]
     spans = first.spans
@@ -179,13 +228,23 @@ def blind_zones_in_use(use: MirrorInUse) -> tuple[BlindZone, ...]:
 
 
 def hidden_in_use(use: MirrorInUse) -> HiddenCar:
-    """`hidden_car` in both zones."""
+    """`hidden_car` in both zones, of the default size."""
     return hidden_car(use.record(blind_zones_in_use), use.on_vehicle.asked.lane)
 
 
 @register_family
 def blind_zones(use: MirrorInUse) -> tuple[Measure, ...]:
-    """Length and area of the lane beside that is in no view, on the ground and at the scene's height."""
+    """Make the measures of length and area of the lane beside that is in no view, on the ground and at the scene's height.
+
+    Parameters
+    ----------
+    use : the mirror; on no vehicle there are none.
+
+    Returns
+    -------
+    tuple of Measure
+        Two for each height, m and m².
+    """
     found = []
     for k, height in enumerate(() if use.vehicle is None else (0.0, use.vehicle.asked.hidden_height)):
         where = f"{height / 1e3:g} m high" if height else "on the ground"

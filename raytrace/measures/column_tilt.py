@@ -20,10 +20,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tilt:
-    """How a vertical line's image leans; arc minutes, above 0 where its top leans towards the vehicle.
+    """How a vertical line's image leans; above 0 where its top leans towards the vehicle.
 
-    arcmin : in the mirror.   flat_arcmin : in a flat mirror that touches this one where it shows the middle of the image.
-    own_arcmin : what the mirror's curvature adds, the difference of the two.   image : what was measured.
+    Attributes
+    ----------
+    arcmin : in the mirror, arc minutes.
+    flat_arcmin : in a flat mirror that touches this one where it shows the middle of the image, arc minutes.
+    own_arcmin : what the mirror's curvature adds, arc minutes: the difference of the two.
+    image : what was measured.
     """
 
     arcmin: float
@@ -33,7 +37,7 @@ class Tilt:
 
 
 def column_tilt(view: View, line: StraightLine, host: HostVehicle | None = None) -> Tilt | None:
-    """The angle between a vertical line's image and the vertical, of the largest part that is seen; None where nothing is.
+    """Measure the angle between a vertical line's image and the vertical, of the largest part that is seen.
 
     With a and b the unit directions in which the eye sees the lower and upper end of the image and m = (a + b)/|a + b|:
 
@@ -42,6 +46,17 @@ def column_tilt(view: View, line: StraightLine, host: HostVehicle | None = None)
     Upright on the picture plane of a camera that looks along m with its own up is not upright for a mirror that is pitched:
     a flat one leans verticals too. So the same is said of the flat mirror that is tangent where the mirror shows what is seen
     at the middle: its image of the same two points of the line.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    line : a vertical one, its start below.
+    host : what hides; None for nothing.
+
+    Returns
+    -------
+    Tilt
+        None where nothing of the line is seen.
     """
     images = line_images(view, line, host)
     if not images or len(images[0].along_mm) < 2:

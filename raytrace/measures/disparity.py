@@ -33,11 +33,17 @@ COARSE = (17, 9)  # columns and rows of such places inside
 class Disparity:
     """Binocular disparity over a mirror: 100·(M_left − M_right)/(½·(M_left + M_right)), percent.
 
-    x (columns,), y (rows,) : mm on the surface, where the middle between the eyes sees a far direction; `places`
-    (rows, columns, 2), where it looks.   percent (rows, columns) : of that direction; NaN where not both eyes see it in the
-    mirror.   rate_percent_per_mm (rows, columns) : its derivative by x along the mirror's rows, from the map's columns.
-    max_percent, max_rate_percent_per_mm : the signed values of largest magnitude over all that both eyes and the middle
-    see, edge included, to 1e-6 of them, with (x, y); None where no far direction is seen by all.
+    The largest are the signed values of largest magnitude over all that both eyes and the middle between them see, edge
+    included, to 1e-6 of them; None where no far direction is seen by all.
+
+    Attributes
+    ----------
+    x, y : (columns,) and (rows,), mm, on the surface, where the middle between the eyes sees a far direction.
+    places : (rows, columns, 2), mm, of the picture plane, through which it looks.
+    percent : (rows, columns), of that direction; NaN where not both eyes see it in the mirror.
+    rate_percent_per_mm : (rows, columns), its derivative by x along the mirror's rows, from the map's columns.
+    max_percent, max_at_mm : the largest disparity, percent, and (x, y) of it, mm.
+    max_rate_percent_per_mm, max_rate_at_mm : the largest derivative by x, percent per mm, and (x, y) of it, mm.
     """
 
     x: Array
@@ -52,15 +58,28 @@ class Disparity:
 
 
 def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS, rows: int = ROWS) -> Disparity:
-    """How much larger the left eye sees what is far away: of the same direction, each eye at its own place of the mirror.
+    """Measure how much larger the left eye sees what is far away than the right eye, each at its own point of the mirror.
 
-    size : which of the sizes of `raytrace.measures.magnification` are compared.
     It counts what both eyes see inside the outline; what the host vehicle hides is not looked at. Zero for a flat mirror. A
     mesh stands for the smooth surface that its vertices lie on, and its largest rate is one over some facets.
-    Source: S. M. O'Day, Binocular Disparity in Aspherical Mirrors, SAE 980918 (1998): the percent change of angular image
-    size from one eye to the other, its maximum and its maximum rate of change. There it is a share of one eye's size, of
-    targets 2 to 6 m away, among which it recommends squares ("area"); here of the mean, which does not prefer an eye, and
-    of far objects, for which it is a property of a place. 10 % here is 9.5 or 10.5 % there.
+
+    Parameters
+    ----------
+    views : of the left eye, of the middle between the eyes, and of the right eye.
+    size : which size of `raytrace.viewing.ray_differentials.Magnification` is compared: horizontal, vertical or area.
+    columns, rows : of the map.
+
+    Returns
+    -------
+    Disparity
+        The map and the largest values, which do not hang on the map's cells.
+
+    References
+    ----------
+    S. M. O'Day, Binocular Disparity in Aspherical Mirrors, SAE 980918 (1998): the percent change of angular image size from one
+    eye to the other, its maximum and its maximum rate of change. There it is a share of one eye's size, of targets 2 to 6 m
+    away, among which it recommends squares ("area"); here of the mean, which does not prefer an eye, and of far objects, for
+    which it is a property of a point of the mirror. 10 % here is 9.5 or 10.5 % there.
     """
     views = EyeViews(views.left.interpolated, views.middle.interpolated, views.right.interpolated)
     x, y, places = mirror_grid(views.middle, columns, rows)
@@ -142,8 +161,9 @@ def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
 
 
 def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array) -> tuple[Array, Mask, Mask]:
-    """Disparity of far directions (n, 3) and of some beside each of them (k, n, 3): (1 + k, n), NaN where a sheet shows one
-    nowhere; and whether each eye sees the first inside.
+    """Disparity of far directions (n, 3) and of some beside each of them (k, n, 3): (1 + k, n).
+
+    NaN where a sheet shows one nowhere; and whether each eye sees the first inside, (n,) each.
     """
     k, n = len(around), len(directions)
     percent, shown = np.full((1 + k, n), np.nan), np.zeros((2, n), dtype=np.bool_)
@@ -172,7 +192,7 @@ def _along_rows(values: Array, x: Array) -> Array:
 
 
 def disparity_in_use(use: MirrorInUse) -> Disparity:
-    """`disparity` of a mirror in use."""
+    """`disparity` of a mirror in use: horizontal, on the default map."""
     return disparity(use.on_vehicle.views)
 
 

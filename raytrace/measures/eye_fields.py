@@ -31,7 +31,12 @@ INWARD = (1e-6, 1e-5, 1e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class EyeField:
-    """Angles in degrees, from and to, that the left and the right eye see along one circle of far directions."""
+    """What the left and the right eye see along one circle of far directions.
+
+    Attributes
+    ----------
+    left, right : intervals of angles, degrees, from and to, rising.
+    """
 
     left: Intervals
     right: Intervals
@@ -52,11 +57,16 @@ class EyeField:
 class EyeFields:
     """What two eyes see in a mirror of what is far away.
 
+    Attributes
+    ----------
     horizon : along the horizon, azimuths from straight rearward, positive to the right of the vehicle (+Y).
-    upright : elevations at the azimuth `azimuth_deg`, which is seen from between the eyes in the middle of the mirror's
-    box; None where the mirror has no such middle.   horizon_clear, upright_clear : the same without what the host vehicle
-    hides.   between_edges_deg : the contract's traced H-FOV of left eye, middle and right eye: between the rays reflected at
-    the box's two edges, y = 0, whatever the pose; None where nothing reflects there.
+    horizon_clear : the same without what the host vehicle hides.
+    azimuth_deg : the azimuth that is seen from between the eyes in the middle of the mirror's box, degrees; None where the
+        mirror has no such middle.
+    upright : the elevations at that azimuth; None without one.
+    upright_clear : the same without what the host vehicle hides.
+    between_edges_deg : of left eye, middle and right eye, degrees: between the rays reflected at the box's two edges, y = 0,
+        whatever the pose; None where nothing reflects there.
     """
 
     horizon: EyeField
@@ -84,13 +94,21 @@ def extent(intervals: Intervals) -> float:
 
 
 def eye_fields(views: EyeViews, host: HostVehicle | None = None) -> EyeFields:
-    """The fields of view of both eyes: an eye sees a far direction d where one of its rays leaves the mirror along d.
+    """Find the fields of view of both eyes: an eye sees a far direction d where one of its rays leaves the mirror along d.
 
     The directions of a circle are seen along a curve of the mirror, from where the circle meets the edge of what is shown
-    (`raytrace.visibility.edge`) to where it does again: every second part between these directions is seen. Where the own
+    (`raytrace.visibility.edge`) to where it does again: every second part between these directions is seen. Where the host
     vehicle begins to hide is a root along the curve. Both are found on exact rays, to 1e-9° and better where the edge is
-    known. Without `host` nothing is hidden. It does not hold for a mirror that shows directions
-    twice (`raytrace.visibility.orientation`).
+    known. It does not hold for a mirror that shows directions twice (`raytrace.visibility.orientation`).
+
+    Parameters
+    ----------
+    views : of the left eye, of the middle between the eyes, and of the right eye.
+    host : what hides; None for nothing.
+
+    Returns
+    -------
+    EyeFields
     """
     x_min, x_max, y_min, y_max = views.middle.box
     place = views.middle.places_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))

@@ -18,17 +18,27 @@ Box = tuple[float, float, float, float]
 
 
 def angle_between(a: Array, b: Array) -> float:
-    """Angle between two unit vectors, radians, exact for small and large ones: 2·atan2(|a − b|, |a + b|)."""
+    """Angle between two unit vectors (3,), radians, exact for small and large ones: 2·atan2(|a − b|, |a + b|)."""
     return float(2.0 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
 
 def traced_fields_of_view(surface: OpticalSurface, eye: Array, box: Box, left_height_mm: float) -> tuple[float, float]:
-    """H-FOV and V-FOV at the left edge, radians, with the eye where it really sits.
+    """Trace H-FOV, and V-FOV at the left edge, with the eye where it really sits.
 
     H: between the rays reflected at the mirror's left and right edge, y = 0. V: between those at the left edge's two
     corners before rounding, (x_left, ±left height/2), which lie on the surface but outside the outline. Through glass,
-    both are those of the same places of the reflecting back, as if front and glass went on beyond the outline; NaN where
-    its sheet ends before the ray leaves.
+    both are those of the same points of the reflecting back, as if front and glass went on beyond the outline.
+
+    Parameters
+    ----------
+    surface : what reflects, in mirror coordinates.
+    eye : (3,), mm.
+    box : (x_min, x_max, y_min, y_max) of the mirror, mm.
+    left_height_mm : of its left edge before rounding, mm.
+
+    Returns
+    -------
+    horizontal, vertical : radians; NaN where the surface's sheet ends before a ray leaves.
     """
     x_min, x_max = box[0], box[1]
     half = 0.5 * left_height_mm
@@ -37,7 +47,7 @@ def traced_fields_of_view(surface: OpticalSurface, eye: Array, box: Box, left_he
 
 
 def fields_of_setup(use: MirrorInUse) -> tuple[float, float]:
-    """`traced_fields_of_view` of a mirror in use, degrees."""
+    """`traced_fields_of_view` of a mirror in use, degrees; without a left height, of its box."""
     view = use.setup
     height = use.box[3] - use.box[2] if use.left_height_mm is None else use.left_height_mm
     horizontal, vertical = np.degrees(traced_fields_of_view(view.reflector.surface, view.eye_in_mirror, use.box, height))

@@ -20,9 +20,17 @@ SETTLED = 1e-9  # radians between the two leaving rays: some 1e-6 of the smalles
 
 @dataclass(frozen=True, slots=True)
 class Ghost:
-    """Over the rays that were compared: their count, the ghost's distance from the image as the eye sees it (arc minutes,
-    largest with its place (x, y) mm on the mirror, mean), the front's reflectance (mean and largest), and the light that
-    comes by way of the back (mean), as shares of the light that falls on the plate. None without such a ray.
+    """How far from the image the front of the glass shows it a second time, and how bright, over the rays that were compared.
+
+    Figures are None where no ray was. Light is told in shares of the light that falls on the plate.
+
+    Attributes
+    ----------
+    rays : how many were compared.
+    max_arcmin, max_at_mm : the largest angle between ghost and image as the eye sees them, arc minutes, and (x, y) of it, mm.
+    mean_arcmin : their mean, arc minutes.
+    front_mean, front_max : mean and largest reflectance of the front.
+    image_mean : the mean share that comes by way of the back.
     """
 
     rays: int
@@ -35,15 +43,29 @@ class Ghost:
 
 
 def ghost(glass: GlassPlate, eye: Array, u: Array, v: Array) -> Ghost:
-    """The front's own reflection beside the image in the back, for rays from the eye to places (u, v) of the front.
+    """Measure the front's own reflection beside the image in the back, for rays from the eye to points of the front.
 
     A far point sends the eye two rays, one by each face. The ghost's distance is the angle at the eye between the two. The
     ray to F(u, v) is reflected there into the direction w; the direction in which the eye sees the same far point by way
     of the back is found by Newton on the ray traced through the glass, until it leaves along w. To first order this is the
-    angle between the two rays that leave after meeting the front at one place, over the mirror's angular magnification
-    (docs/derivations/second-surface.md).
+    angle between the two rays that leave after meeting the front at one point, over the mirror's angular magnification.
     Light: `reflectance` R at the front; the back reflects all of it, and both passes of the front let 1 − R through: a ray
     leaves at very nearly the incidence at which it came in.
+
+    Parameters
+    ----------
+    glass : the plate.
+    eye : (3,), mm, in mirror coordinates.
+    u, v : (n,), parameters of points of the front.
+
+    Returns
+    -------
+    Ghost
+        Over the rays that meet the front from outside and whose counterpart by way of the back is found.
+
+    References
+    ----------
+    docs/derivations/second-surface.md
     """
     points, normal = glass.front_at(u, v)
     ray = points - eye
@@ -62,10 +84,22 @@ def ghost(glass: GlassPlate, eye: Array, u: Array, v: Array) -> Ghost:
 
 
 def reflectance(cosine: Array, index: float) -> Array:
-    """Share of unpolarised light that a face from air to the index reflects; cosine : of the angle of incidence, above 0.
+    """Share of unpolarised light that a face from air to glass reflects, by Fresnel's formulae.
 
     R = ½·((c − n·c′)/(c + n·c′))² + ½·((n·c − c′)/(n·c + c′))², c′ = √(n² − 1 + c²)/n.
-    Source: Fresnel's formulae, Born and Wolf, Principles of Optics, section 1.5.2.
+
+    Parameters
+    ----------
+    cosine : (n,), c, of the angle of incidence in air, above 0.
+    index : n, the refractive index of the glass.
+
+    Returns
+    -------
+    (n,), between 0 and 1.
+
+    References
+    ----------
+    Born and Wolf, Principles of Optics, section 1.5.2.
     """
     inside = np.sqrt((index - 1.0) * (index + 1.0) + cosine * cosine) / index
     across = (cosine - index * inside) / (cosine + index * inside)
@@ -75,7 +109,8 @@ def reflectance(cosine: Array, index: float) -> Array:
 
 
 def _seen_apart(glass: GlassPlate, eye: Array, ray: Array, wanted: Array) -> Array:
-    """The angle by which the eye's directions have to turn for the rays to leave the glass along `wanted`, radians, (n,);
+    """The angle by which the eye's directions have to turn for the rays to leave the glass along `wanted`, radians, (n,).
+
     NaN where none is found: where the sheets end, or beside the focus of a concave mirror.
     """
     a, b = _across(ray)

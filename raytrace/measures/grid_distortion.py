@@ -29,14 +29,22 @@ MIN_NODES = 7  # one more than an affine map in two directions needs, in threes:
 class GridDistortion:
     """A grid of far directions as the mirror shows it, and how far that is from an affine map of a flat mirror's picture.
 
-    azimuth_deg (m,), elevation_deg (n,) : of the grid's lines; azimuths from straight rearward, positive to the right of
-    the vehicle.   places (n, m, 2) : where each node is seen on the picture plane, also beside the outline where its sheet
-    goes on; its rows and columns are the grid's lines.   shown (n, m) : which nodes lie inside.
-    residual_arcmin (n, m) : angle at the eye between where a node is seen and where the affine map has it; NaN for nodes
-    that are not shown.   affine (2, 3) : the map, from the tangents (right, up, 1) of a flat mirror's picture.
-    rms_arcmin, max_arcmin, max_at_deg : over the nodes shown, and (azimuth, elevation) of the largest; rms_percent,
-    max_percent : of the field's diagonal as seen, from corner to corner of the nodes' box. None where fewer than
-    MIN_NODES are shown.
+    Figures over all are None where fewer than MIN_NODES nodes are shown. Percents are of the field's diagonal as seen, from
+    corner to corner of the nodes' box.
+
+    Attributes
+    ----------
+    azimuth_deg, elevation_deg : (m,) and (n,), degrees, of the grid's lines; azimuths from straight rearward, positive to the
+        right of the vehicle.
+    places : (n, m, 2), mm, of the picture plane, where each node is seen, also beside the outline where its sheet goes on; its
+        rows and columns are the grid's lines.
+    shown : (n, m), which nodes lie inside.
+    residual_arcmin : (n, m), arc minutes, angle at the eye between where a node is seen and where the affine map has it; NaN
+        for nodes that are not shown.
+    affine : (2, 3), the map, from the tangents (right, up, 1) of a flat mirror's picture.
+    rms_arcmin, max_arcmin : RMS and largest residual, arc minutes, over the nodes shown.
+    max_at_deg : (azimuth, elevation) of the largest, degrees.
+    rms_percent, max_percent : the same two, percent.
     """
 
     azimuth_deg: Array
@@ -53,7 +61,7 @@ class GridDistortion:
 
 
 def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
-    """Distortion of a grid of far directions, `step_deg` apart in azimuth and elevation.
+    """Measure the distortion of a grid of far directions against a flat mirror's picture, affinely magnified.
 
     Let the eye look along u0 at the middle of the mirror's box, and the ray leave along d0. A flat mirror there would show the
     direction d where its mirror image d* is, d* = d − 2(d·n)n with n along d0 − u0. On the plane across u0 it would be seen
@@ -63,6 +71,20 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     It is the distortion of a lens against a perspective picture (ISO 9039), with a map of six numbers for the scale.
     Nodes farther than WIDEST from d0 do not count. What the host vehicle hides is not looked at. A mesh stands for the smooth
     surface that its vertices lie on.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    step_deg : degrees between the grid's lines, in azimuth and in elevation.
+
+    Returns
+    -------
+    GridDistortion
+        Without figures where fewer than MIN_NODES nodes are shown.
+
+    References
+    ----------
+    ISO 9039, Optics and photonics: quality evaluation of optical systems, determination of distortion.
     """
     view = view.interpolated
     looked = picture_grid(view, LOOK).reshape(-1, 2)
@@ -124,8 +146,9 @@ def _middle(view: View) -> tuple[Array, Array]:
 
 
 def _lines(angles: Array, step_deg: float) -> Array:
-    """Multiples of the step, degrees, from below the least of the angles (n,), radians, and of what lies beside them between
-    the rays that were looked at, to above the largest.
+    """Multiples of the step, degrees, that cover angles (n,), radians, and what lies beside them.
+
+    Beside them is as far as the rays that were looked at are apart, some times over.
     """
     low, high = float(np.degrees(angles.min())), float(np.degrees(angles.max()))
     beside = BESIDE * (high - low) / (LOOK - 1)
@@ -133,7 +156,7 @@ def _lines(angles: Array, step_deg: float) -> Array:
 
 
 def distortion_in_use(use: MirrorInUse) -> GridDistortion:
-    """`grid_distortion` from between the eyes of a mirror in use."""
+    """`grid_distortion` of a mirror in use, from between the eyes, 1° apart."""
     return grid_distortion(use.on_vehicle.views.middle)
 
 

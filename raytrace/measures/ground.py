@@ -28,21 +28,42 @@ TOUCHING_MM = 1e-3  # what begins this near to the flank's plane begins at it
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A grid of points of the ground: x_mm (r,) and y_mm (c,), rising and even, two or more of each."""
+    """A grid of points of the ground.
+
+    Parameters
+    ----------
+    x_mm, y_mm : (r,) and (c,), mm, rising and even, two or more of each.
+    """
 
     x_mm: Array
     y_mm: Array
 
     @staticmethod
     def beside(side: float, cell_mm: float = 400.0) -> Plan:
-        """The middles of cells over 0 ≤ X ≤ 60 m and, for the left side (−1), −25 ≤ Y ≤ 3 m, for the right its reflection."""
+        """The middles of cells over 0 ≤ X ≤ 60 m and, for the left side, −25 ≤ Y ≤ 3 m, for the right its reflection.
+
+        Parameters
+        ----------
+        side : −1 for left, 1 for right.
+        cell_mm : the side of a cell, mm.
+
+        Returns
+        -------
+        Plan
+        """
         y = np.arange(-25_000.0 + 0.5 * cell_mm, 3_000.0, cell_mm)
         return Plan(np.arange(0.5 * cell_mm, 60_000.0, cell_mm), y if side < 0.0 else -y[::-1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenGround:
-    """What of a plan one eye or two together see: mask (r, c) of its points, and closed outlines (n, 2) of (X, Y), mm."""
+    """What of a plan one eye or two together see.
+
+    Attributes
+    ----------
+    mask : (r, c), of the plan's points.
+    outlines : closed polygons (n, 2) of (X, Y), mm.
+    """
 
     mask: Mask
     outlines: tuple[Polygon, ...]
@@ -50,8 +71,14 @@ class SeenGround:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
-    """The ground (X, Y, 0) that the left eye sees in the mirror, the right one, one or the other (`either`, the ambinocular
-    field), and one and the other (`both`, the binocular field).
+    """The ground (X, Y, 0) that the two eyes see in a mirror.
+
+    Attributes
+    ----------
+    plan : whose points were decided.
+    left, right : what each eye sees.
+    either : what one or the other sees, the ambinocular field.
+    both : what one and the other see, the binocular field.
     """
 
     plan: Plan
@@ -63,9 +90,14 @@ class Ground:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenWidth:
-    """At one distance X behind the ocular points: the intervals of Y (k, 2) in which the ground is seen, mm, by either eye and
-    by both; and how wide that is outward of the plane of the flank, mm, from that plane on and without a gap (0 where the
-    ground beside it is not seen).
+    """The ground that is seen across the road, at one distance behind the ocular points.
+
+    Attributes
+    ----------
+    x_mm : that distance, mm.
+    either, both : (k, 2), mm, the intervals of Y seen by either eye, and by both.
+    either_mm, both_mm : how wide that is outward of the plane of the flank, mm, from that plane on and without a gap; 0 where
+        the ground beside it is not seen.
     """
 
     x_mm: float
@@ -77,14 +109,15 @@ class SeenWidth:
 
 @dataclass(frozen=True, slots=True)
 class HorizonMargin:
-    """How the horizon lies in the mirror, for one eye.
+    """How the horizon lies in the mirror, for one eye; NaN and False where the middle does not show the horizon.
 
+    Attributes
+    ----------
     height : the share of the mirror's height, in the middle of its width, that is above the horizon.
     angle : how far above the horizon the mirror shows there, radians: the elevation of the ray at the upper edge.
     whole : whether the horizon's row runs through the mirror from one side to the other: it crosses the edge twice, each time
-    where this is steeper than 45°.
+        where this is steeper than 45°.
     aim : the flank's share of the width and the horizon's place in the height as an aim asks for them (`shown_aim`).
-    NaN and False where the middle does not show the horizon.
     """
 
     height: float
@@ -94,13 +127,26 @@ class HorizonMargin:
 
 
 def seen_ground(left: View, right: View, host: HostVehicle | None = None, plan: Plan | None = None) -> Ground:
-    """The points of the ground that a mirror shows the left and the right eye, and the host vehicle does not hide.
+    """Find the points of the ground that a mirror shows the left and the right eye, and the host vehicle does not hide.
 
     A point (X, Y, 0) is seen by an eye if the ray from the eye that the mirror reflects through it meets the mirror inside
-    its outline, and the way from there to the point does not pass the vehicle's box. Nothing else is looked at: no pillar or
-    window before the mirror, no other vehicle. The plan's points are decided exactly; exact are also the vertices of
+    its outline, and the segment from there to the point does not pass the vehicle's box. Nothing else is looked at: no pillar
+    or window before the mirror, no other vehicle. The plan's points are decided exactly; exact are also the vertices of
     the outlines, which lie on lines X = const through those points, every 0.1 m up to 5 m, and at their tips.
-    Source of the terms: UN Regulation 46, paragraph 12 (ambinocular vision, ocular points 65 mm apart).
+
+    Parameters
+    ----------
+    left, right : the mirror as the two eyes see it.
+    host : what hides; None for nothing.
+    plan : the points; by default those beside the vehicle on the mirror's side.
+
+    Returns
+    -------
+    Ground
+
+    References
+    ----------
+    UN Regulation 46, paragraph 12, for the terms (ambinocular vision, ocular points 65 mm apart).
     """
     plan = plan or Plan.beside(side_of(left))
     (x_low, x_high), (y_low, y_high) = _bounds(plan.x_mm), _bounds(plan.y_mm)
@@ -116,10 +162,24 @@ def seen_ground(left: View, right: View, host: HostVehicle | None = None, plan: 
 
 
 def seen_widths(left: View, right: View, host: HostVehicle, at_mm: tuple[float, ...] = WIDTHS_AT_MM) -> tuple[SeenWidth, ...]:
-    """Where across the road the ground is seen at distances behind the ocular points, without what the vehicle hides.
+    """Find where across the road the ground is seen at distances behind the ocular points, without what the vehicle hides.
 
     Exact: an end is where a ray through the mirror's edge, or one that touches the vehicle, meets the ground.
-    Source: UN Regulation 46, paragraph 15.2.4, asks for such widths outward of the plane through the flank, ambinocular.
+
+    Parameters
+    ----------
+    left, right : the mirror as the two eyes see it.
+    host : what hides, and whose flank the width counts from.
+    at_mm : the distances X, mm.
+
+    Returns
+    -------
+    tuple of SeenWidth
+        One for each distance, rising.
+
+    References
+    ----------
+    UN Regulation 46, paragraph 15.2.4, asks for such widths outward of the plane through the flank, ambinocular.
     """
     x = np.array(sorted(at_mm))
     seen = [visible_intervals(edge_of(view), 0, x, 0.0, host) for view in (left, right)]
@@ -130,9 +190,17 @@ def seen_widths(left: View, right: View, host: HostVehicle, at_mm: tuple[float, 
 
 
 def nearest_at_flank(left: View, right: View, host: HostVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
-    """The smallest X at which the ground beside the flank is seen by either eye, and by both, mm; NaN where it is not.
+    """Find the smallest X at which the ground beside the flank is seen.
 
-    On the line on the ground that runs beside_mm outward of the plane of the flank.
+    Parameters
+    ----------
+    left, right : the mirror as the two eyes see it.
+    host : what hides, and whose flank it is.
+    beside_mm : how far outward of the flank's plane the line on the ground runs that is looked at, mm.
+
+    Returns
+    -------
+    either, both : by either eye, and by both, mm; NaN where it is not seen.
     """
     y = np.array([side_of(left) * (host.half_width_mm + beside_mm)])
     seen = [visible_intervals(edge_of(view), 1, y, 0.0, host) for view in (left, right)]
@@ -141,7 +209,17 @@ def nearest_at_flank(left: View, right: View, host: HostVehicle, beside_mm: floa
 
 
 def horizon_margin(view: View, host: HostVehicle) -> HorizonMargin:
-    """How the horizon and the end of the flank lie in the mirror as an eye sees it."""
+    """Find how the horizon and the end of the flank lie in the mirror as an eye sees it.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    host : whose flank it is.
+
+    Returns
+    -------
+    HorizonMargin
+    """
     edge = edge_of(view)
     aim = shown_aim(view.reflector, view.pose, view.eye, host.rear_edge(view.pose.hand))
     x_min, x_max, y_min, y_max = box_of(view.reflector)
@@ -230,7 +308,17 @@ register(Measure("above_horizon_deg", "shown above the horizon", "°", 2,
 
 @register_family
 def ground_widths(use: MirrorInUse) -> tuple[Measure, ...]:
-    """Width of the ground seen, at each distance that the scene asks about."""
+    """Make the measures of the width of the ground seen, at each distance that the scene asks about.
+
+    Parameters
+    ----------
+    use : the mirror; on no vehicle there are none.
+
+    Returns
+    -------
+    tuple of Measure
+        Two for each distance, m: by either eye and by both.
+    """
     found = []
     for k, at in enumerate(() if use.vehicle is None else use.vehicle.asked.widths_at):
         for eyes, word in (("either", "by either eye"), ("both", "by both")):

@@ -27,9 +27,18 @@ MM_PER_M = 1e3
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a scene has measured, mm and radians: the lane beside, its line's Y, the fronts of one vehicle at some distances, a
-    column's X, Y and height, distances at which the ground's width counts, where direct view ends, and the height of what may
-    hide in the lane beside.
+    """What a scene has measured.
+
+    Parameters
+    ----------
+    lane : beside the host vehicle's.
+    line_y : Y of that lane's line, mm; None where no line is asked about.
+    face : the front of one vehicle; None where none is.
+    distances : X at which the front is looked at, mm.
+    column : X, Y and height of an upright line, mm; None where none is asked about.
+    widths_at : X at which the width of the ground counts, mm.
+    direct_view : the azimuth, radians, from straight ahead, at which direct view ends.
+    hidden_height : mm over the ground, of what may hide in the lane beside.
     """
 
     lane: NearLane
@@ -44,7 +53,16 @@ class Asked:
 
 @dataclass(frozen=True, eq=False)
 class OnVehicle:
-    """A mirror as it is aimed on a vehicle, whose driver looks into it with two eyes."""
+    """A mirror as it is aimed on a vehicle, whose driver looks into it with two eyes.
+
+    Parameters
+    ----------
+    reflector : what is looked into, in mirror coordinates.
+    pose : where it is on the vehicle, and how it is turned.
+    eyes : the ocular points.
+    host : the vehicle that it is mounted on.
+    asked : what the scene has measured.
+    """
 
     reflector: Reflector
     pose: Pose
@@ -86,24 +104,39 @@ class MirrorInUse:
         return self.setup.box if self.outline_box is None else self.outline_box
 
     def record(self, take: Callable[[MirrorInUse], Record]) -> Record:
-        """What a function finds of this mirror, worked out once: several figures come from one record."""
+        """Give what a function finds of this mirror, worked out once: several figures come from one record.
+
+        Parameters
+        ----------
+        take : the function; it is what the record is kept by.
+
+        Returns
+        -------
+        What `take(self)` returned the first time.
+        """
         if take not in self._records:
             self._records[take] = take(self)
         return self._records[take]  # type: ignore[return-value]  # what `take` returned
 
     @property
     def on_vehicle(self) -> OnVehicle:
-        """The mirror on its vehicle. Raises: ValueError where it is on none."""
+        """The mirror on its vehicle.
+
+        Raises
+        ------
+        ValueError
+            Where it is on none.
+        """
         if self.vehicle is None:
             raise ValueError("this measure is one of a mirror on a vehicle")
         return self.vehicle
 
 
 def finite(value: float | None) -> float | None:
-    """The number, None for what is none."""
+    """The value as a float; None for None, an infinity and NaN, which JSON does not know."""
     return None if value is None or not np.isfinite(value) else float(value)
 
 
 def metres(value_mm: float | None) -> float | None:
-    """Millimetres as metres."""
+    """Millimetres as metres; None for None, an infinity and NaN."""
     return finite(None if value_mm is None else value_mm / MM_PER_M)

@@ -42,7 +42,7 @@ class Lane:
     distance_mm: float = 8200.0
 
     def before(self, eye: Array) -> StraightLane:
-        """The lane on the plane behind an eye (3,) in mirror coordinates."""
+        """The lane on the plane behind an eye (3,), mm, in mirror coordinates."""
         return StraightLane(self.x0_mm, self.y0_mm, self.slope, float(eye[2]) + self.distance_mm)
 
 
@@ -55,7 +55,14 @@ class LaneStraightness:
 
 @dataclass(frozen=True, slots=True)
 class StraightLane:
-    """Y = y0 + slope·(X − x0) in the reference plane z = plane_z_mm, mm, as seen in the mirror: X right, Y up."""
+    """A lane on a plane of the mirror's coordinates: Y = y0 + slope·(X − x0) in z = plane_z_mm, as seen in the mirror.
+
+    Parameters
+    ----------
+    x0_mm, y0_mm : a point of it, mm; X to the right, Y up.
+    slope : of the line.
+    plane_z_mm : of the plane, mm.
+    """
 
     x0_mm: float
     y0_mm: float
@@ -63,7 +70,16 @@ class StraightLane:
     plane_z_mm: float
 
     def above(self, points: Array, directions: Array) -> Array:
-        """How far above the lane rays land on the plane, mm, (n,); NaN for rays that do not go towards it."""
+        """How far above the lane rays land on the plane.
+
+        Parameters
+        ----------
+        points, directions : (n, 3), mm, where the rays leave the mirror and along what.
+
+        Returns
+        -------
+        (n,), mm; NaN for rays that do not go towards the plane.
+        """
         at = landed(points, directions, self.plane_z_mm)
         result: Array = at[:, 1] - self.y0_mm - self.slope * (at[:, 0] - self.x0_mm)
         return result
@@ -71,14 +87,39 @@ class StraightLane:
 
 def lane_height(surface: OpticalSurface, eye: Array, lane: StraightLane, x: float, y_min: float, y_max: float,
                 ) -> float | None:
-    """The height y on the mirror at which the lane appears at x, in mm; None where it does not within [y_min, y_max]."""
+    """Find the height y on the mirror at which the lane appears at x.
+
+    Parameters
+    ----------
+    surface, eye, lane, y_min, y_max : as in `lane_heights`.
+    x : mm.
+
+    Returns
+    -------
+    y in mm; None where the lane does not appear between y_min and y_max.
+    """
     found = float(lane_heights(surface, eye, lane, np.array([x]), y_min, y_max)[0])
     return found if np.isfinite(found) else None
 
 
 def lane_heights(surface: OpticalSurface, eye: Array, lane: StraightLane, x: Array, y_min: float, y_max: float,
                  ) -> Array:
-    """`lane_height` at several x (n,) at once, NaN for None: (n,), mm."""
+    """Find the heights y on the mirror at which the lane appears at several x; should it appear twice, the upper one.
+
+    Roots of `StraightLane.above` over y, between neighbours of 65 heights, to 1e-11 mm.
+
+    Parameters
+    ----------
+    surface : what reflects, in mirror coordinates.
+    eye : (3,), mm.
+    lane : on a plane behind it.
+    x : (n,), mm.
+    y_min, y_max : mm, between which it is looked for.
+
+    Returns
+    -------
+    (n,), mm; NaN where the lane does not appear.
+    """
 
     def above(at: Array, y: Array) -> Array:
         result: Array = lane.above(*surface.reflected_at(eye, at, y))
@@ -115,9 +156,19 @@ def _roots(function: Callable[[Array], Array], low: Array, high: Array, at_low: 
 
 
 def lane_straightness(view: View, lane: Lane) -> LaneStraightness:
-    """How far a straight lane's image bends, between the edges of the mirror's box, in mirror coordinates (x, y).
+    """Measure how far a straight lane's image bends between the edges of the mirror's box, in mirror coordinates (x, y).
 
-    See `lane_straightness_percent`. The lane lies on a plane z = const of the mirror's own coordinates, however it is posed.
+    `lane_straightness_percent` of a view. The lane lies on a plane z = const of the mirror's own coordinates, however it is
+    posed.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    lane : on the reference plane behind the eye.
+
+    Returns
+    -------
+    LaneStraightness
     """
     eye = view.eye_in_mirror
     return LaneStraightness(lane_straightness_percent(view.reflector.surface, eye, lane.before(eye), view.box))
@@ -128,8 +179,21 @@ def lane_straightness_percent(surface: OpticalSurface, eye: Array, lane: Straigh
 
     Δy_curve: from where the lane's image crosses the right edge to where it crosses the left edge. Δy_line: the same
     traverse along the tangent of the image at the right edge, a straight line. The more the lane bends, the larger.
-    None where the lane's image does not cross both edges of the surface, or is level at the right one.
-    Source: table 1 and section 3.3 of Lee et al. (2014), read literally.
+
+    Parameters
+    ----------
+    surface : what reflects, in mirror coordinates.
+    eye : (3,), mm.
+    lane : on a plane behind it.
+    box : (x_min, x_max, y_min, y_max) of the mirror, mm.
+
+    Returns
+    -------
+    Percent; None where the lane's image does not cross both edges of the surface, or is level at the right one.
+
+    References
+    ----------
+    Lee et al. (2014), table 1 and section 3.3, read literally.
     """
     x_min, x_max = box[0], box[1]
     domain = surface.domain

@@ -25,11 +25,23 @@ OUTLIER = 4.0  # standard deviations beyond which a column (a car over the line)
 
 
 def lane_straightness_in_picture(picture: Picture, frame: Frame, reflector: Reflector, eye: Array, box: Box) -> float | None:
-    """`raytrace.measures.lane` measured in the rendered picture: the uppermost yellow line, column by column.
+    """Measure lane straightness in the rendered picture: of the uppermost yellow line, column by column.
 
     Each column's line is the centre of gravity of yellowness in its run; the pixel is taken back to the mirror point
-    (x, y); a cubic near each edge gives the heights there and the tangent at the right one. Percent, or None
-    where no yellow line crosses the picture.
+    (x, y); a cubic near each edge gives the heights there and the tangent at the right one. What it approximates is
+    `raytrace.measures.lane.lane_straightness_percent`.
+
+    Parameters
+    ----------
+    picture : (rows, columns, 3), of the driver's view.
+    frame : the picture plane that it was taken on.
+    reflector : in mirror coordinates.
+    eye : (3,), mm.
+    box : (x_min, x_max, y_min, y_max) of the mirror, mm.
+
+    Returns
+    -------
+    Percent; None where no yellow line crosses the picture.
     """
     columns, rows = _uppermost_yellow_line(picture, frame, box)
     if len(columns) < COVERAGE * (box[1] - box[0]) / frame.pixel:

@@ -25,9 +25,14 @@ UPRIGHT = np.sqrt(0.5)  # the sine of a line's slope from which it is rather upr
 class Bow:
     """The largest angle between a line's image and the great circle through the image's ends, as the eye sees it.
 
-    arcmin : signed; above 0 where the image passes above the great circle, or, for a line that is rather upright than level,
-    on the vehicle's side of it.   along_mm : of the line's point there, from its start.   place (2,) : of the picture plane,
-    mm.   extent_arcmin : between the ends.   image : what was measured.
+    Attributes
+    ----------
+    arcmin : arc minutes, signed; above 0 where the image passes above the great circle, or, for a line that is rather upright
+        than level, on the vehicle's side of it.
+    along_mm : of the line's point there, mm from its start.
+    place : (2,), mm, where it is seen on the picture plane.
+    extent_arcmin : between the image's ends, arc minutes.
+    image : what was measured.
     """
 
     arcmin: float
@@ -38,7 +43,7 @@ class Bow:
 
 
 def line_bow(view: View, line: StraightLine, host: HostVehicle | None = None, samples: int = SAMPLES) -> Bow | None:
-    """How far the image of a straight line bends, of the largest part that is seen; None where nothing is.
+    """Measure how far the image of a straight line bends, of the largest part that is seen.
 
     With e(s) the unit direction in which the eye sees the line's point s, a and b those of the image's ends, and
     n = ±(a × b)/|a × b|, upwards or inboard:
@@ -47,6 +52,22 @@ def line_bow(view: View, line: StraightLine, host: HostVehicle | None = None, sa
 
     A straight line seen directly or in a plane mirror has bow 0: all of it lies in one plane with the eye, or with the eye's
     own image. The largest of the samples is refined by a parabola through it and its neighbours.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    line : of the world.
+    host : what hides; None for nothing.
+    samples : of the line's image.
+
+    Returns
+    -------
+    Bow
+        None where fewer than MIN_SAMPLES samples of the line are seen.
+
+    References
+    ----------
+    docs/derivations/straight-lines.md
     """
     images = line_images(view, line, host, samples)
     if not images or len(images[0].along_mm) < MIN_SAMPLES:

@@ -25,8 +25,13 @@ COARSE = (13, 19)  # columns and rows of such places inside
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MagnificationMap:
-    """Magnification over a mirror: at x (columns,) and y (rows,), mm on the surface in mirror coordinates, (rows, columns)
-    each; places (rows, columns, 2) are where the eye sees it.
+    """Magnification over a mirror.
+
+    Attributes
+    ----------
+    x, y : (columns,) and (rows,), mm, on the surface in mirror coordinates.
+    places : (rows, columns, 2), mm, of the picture plane, where the eye sees them.
+    magnification : each of its arrays (rows, columns), NaN where nothing is shown.
     """
 
     x: Array
@@ -36,7 +41,18 @@ class MagnificationMap:
 
 
 def magnification_map(view: View, distance_mm: float = np.inf, columns: int = COLUMNS, rows: int = ROWS) -> MagnificationMap:
-    """`RayDifferentials.at` at the middles of columns × rows equal cells of the mirror's box."""
+    """Take the magnification of small objects at the middles of equal cells of the mirror's box (`RayDifferentials.at`).
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    distance_mm : of the objects, mm, from where a ray leaves the mirror; far ones by default.
+    columns, rows : of cells.
+
+    Returns
+    -------
+    MagnificationMap
+    """
     x, y, places = mirror_grid(view, columns, rows)
     found = ray_differentials(view, places.reshape(-1, 2)).at(distance_mm)
     shaped = Magnification(*(part.reshape(rows, columns) for part in (found.horizontal, found.vertical, found.area)))
@@ -45,7 +61,13 @@ def magnification_map(view: View, distance_mm: float = np.inf, columns: int = CO
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """From the least to the largest value over a mirror, and where on it, (x, y) in mm."""
+    """From the least to the largest value over a mirror, and where on it.
+
+    Attributes
+    ----------
+    least, largest : the values.
+    least_at_mm, largest_at_mm : (x, y) of them, mm.
+    """
 
     least: float
     largest: float
@@ -55,8 +77,11 @@ class Extent:
 
 @dataclass(frozen=True, slots=True)
 class MagnificationExtremes:
-    """The least and the largest magnification of far objects over all that is seen of a mirror, edge included, to 1e-6 of
-    them; None where nothing is seen. horizontal, vertical and ratio as in `Magnification`.
+    """The least and the largest magnification of far objects over all that is seen of a mirror, edge included, to 1e-6 of them.
+
+    Attributes
+    ----------
+    horizontal, vertical, ratio : as in `Magnification`; None where nothing is seen.
     """
 
     horizontal: Extent | None
@@ -65,9 +90,18 @@ class MagnificationExtremes:
 
 
 def magnification_extremes(view: View) -> MagnificationExtremes:
-    """Where a mirror shows far things smallest and largest, over what the eye sees reflecting.
+    """Find where a mirror shows far things smallest and largest, over what the eye sees reflecting.
 
-    The host vehicle hides nothing here. A mesh stands for the smooth surface that its vertices lie on.
+    On a grid and along the edge first, then closer about the best of both (`raytrace.visibility.extremes`). The host vehicle
+    hides nothing here. A mesh stands for the smooth surface that its vertices lie on.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+
+    Returns
+    -------
+    MagnificationExtremes
     """
     view = view.interpolated
     edge = edge_of(view)
@@ -97,8 +131,18 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
 
 
 def surface_under(view: View, places: Array) -> Array:
-    """(x, y) of what reflects (n, 2), without glass before it, through which the eye looks at places (n, 2): `places_over`
-    the other way round, on the whole sheet.
+    """Find the points of what reflects, without glass before it, at which the eye looks through points of the picture plane.
+
+    `View.places_over` the other way round, on the whole sheet. With glass, by three steps of a fixed point.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    places : (n, 2), mm, of the picture plane.
+
+    Returns
+    -------
+    (n, 2), (x, y) in mm; NaN where the sheet reflects nothing.
     """
     at: Array = view.untrimmed.trace_places(places).on_mirror[:, :2].copy()
     if view.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected

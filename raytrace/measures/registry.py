@@ -61,6 +61,15 @@ _families: list[Family] = []
 def register(measure: Measure) -> Measure:
     """Make a measure known under its name; one that has the name already is replaced.
 
+    Parameters
+    ----------
+    measure : with a name that is an identifier, in one of `GROUPS`.
+
+    Returns
+    -------
+    Measure
+        The same.
+
     Raises
     ------
     ValueError
@@ -76,12 +85,21 @@ def register(measure: Measure) -> Measure:
 
 
 def unregister(name: str) -> None:
-    """Forget a measure that a script has registered."""
+    """Forget a measure that a script has registered; a name that is none is no fault."""
     _measures.pop(name, None)
 
 
 def register_family(family: Family) -> Family:
-    """Make measures known that depend on what the scene asks about."""
+    """Make measures known that depend on what the scene asks about.
+
+    Parameters
+    ----------
+    family : gives the measures of a mirror in use, none where the scene asks about nothing; may be decorated with this.
+
+    Returns
+    -------
+    The same.
+    """
     _families.append(family)
     return family
 
@@ -93,7 +111,17 @@ def registered() -> dict[str, Measure]:
 
 
 def measures_of(use: MirrorInUse, scope: Scope | None = None) -> dict[str, Measure]:
-    """The measures that can be taken of a mirror in use, with those that its scene asks for at some distances."""
+    """The measures that can be taken of a mirror in use, with those that its scene asks for at some distances.
+
+    Parameters
+    ----------
+    use : the mirror.
+    scope : of the measures; None for all that can be taken: those of the vehicle only where it is on one.
+
+    Returns
+    -------
+    By name, in the order of `GROUPS`.
+    """
     found = [*registered().values(), *(each for family in _families for each in family(use))]
     kept = [each for each in found if (each.scope == scope if scope else each.scope == "setup" or use.vehicle is not None)]
     return {each.name: each for group in GROUPS for each in kept if each.group == group}

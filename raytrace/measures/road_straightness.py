@@ -27,10 +27,14 @@ MIN_SAMPLES = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoadStraightness:
-    """How a line's image bends between its two ends, in mirror coordinates (x, y) on the surface, mm.
+    """How a line's image bends between its two ends, in mirror coordinates (x, y) on the surface.
 
-    percent : (|Δy_curve| − |Δy_line|)/|Δy_line|.   far, near (2,) : where the image begins and ends.   tangent_y : the height
-    of the far end's tangent above the near end's x.   image : what was measured.
+    Attributes
+    ----------
+    percent : (|Δy_curve| − |Δy_line|)/|Δy_line|.
+    far, near : (2,), mm, where the image begins and ends.
+    tangent_y : mm, the height of the far end's tangent above the near end's x.
+    image : what was measured.
     """
 
     percent: float
@@ -48,8 +52,21 @@ def road_straightness(view: View, line: StraightLine, host: HostVehicle | None =
     the vehicle hides it, or the line ends). Δy_curve is the image's rise between them; Δy_line that of the image's tangent at
     the far end, over the same x. The far end takes the place of the paper's right edge: there the lane comes into the picture
     in both, and the driver looks there. The near end takes the place of the left edge, which a line on the road need not reach.
-    Why the figures differ from the reference plane's: docs/derivations/straight-lines.md.
-    None where the line is not seen, or its image is level or upright at the far end.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    line : of the road.
+    host : what hides; None for nothing.
+
+    Returns
+    -------
+    RoadStraightness
+        None where the line is not seen, or its image is level or upright at the far end.
+
+    References
+    ----------
+    docs/derivations/straight-lines.md says why the figures differ from the reference plane's.
     """
     images = line_images(view, line, host)
     if not images or len(images[0].along_mm) < MIN_SAMPLES:

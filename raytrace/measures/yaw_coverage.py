@@ -22,9 +22,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YawCoverage:
-    """At n turns, radians: the azimuths from and to which the horizon's row shows (n,), radians, and the length of the lane's
-    blind zone (n,), mm. NaN where the mirror shows no horizon, where an eye does not see its face, and where it shows some
-    things twice (`raytrace.visibility.orientation`).   endless (n,) : whether that zone goes on where looking ends.
+    """What a mirror shows at each of n turns about its vertical.
+
+    Azimuth and length are NaN where the mirror shows no horizon, where an eye does not see its face, and where it shows some
+    things twice (`raytrace.visibility.orientation`).
+
+    Attributes
+    ----------
+    turns : (n,), radians, beside the pose's own yaw.
+    azimuth_from, azimuth_to : (n,), radians, from and to which the horizon's row shows.
+    blind_mm : (n,), mm, the length of the lane's blind zone along its middle.
+    endless : (n,), whether that zone goes on where looking ends.
     """
 
     turns: Array
@@ -36,11 +44,26 @@ class YawCoverage:
 
 def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle | None, lane: NearLane, turns: Array,
                  height_mm: float = 0.0, direct_view: float = DIRECT_VIEW) -> YawCoverage:
-    """What a mirror shows when its yaw is that of the pose plus each of the turns (n,), radians.
+    """Find what a mirror shows when its yaw is that of the pose plus each of several turns.
 
     Azimuths are those of level rays that leave the mirror's edge, as the middle between the eyes sees it: 0 straight ahead,
     90° to the mirror's side, 180° straight back; the host vehicle hides nothing. A positive turn turns the mirror's face
-    towards the vehicle. The blind zone is that of both eyes, along the lane's middle (`blind_zone`).
+    towards the vehicle. The blind zone is that of both eyes, along the lane's middle (`raytrace.measures.blind_zone`).
+
+    Parameters
+    ----------
+    reflector : the mirror, in its own coordinates.
+    pose : where it is on the vehicle, and how it is turned at the turn 0.
+    eyes : the ocular points.
+    host : what hides; None for nothing.
+    lane : beside the host vehicle's.
+    turns : (n,), radians.
+    height_mm : over the ground, mm, at which the blind zone is looked for.
+    direct_view : radians from straight ahead, where direct view ends.
+
+    Returns
+    -------
+    YawCoverage
     """
     found, endless, may_fold = np.full((len(turns), 3), np.nan), np.zeros(len(turns), dtype=np.bool_), True
     for k, turn in enumerate(turns):
