@@ -30,10 +30,13 @@ ROUNDS = 9  # below rounding
 class Aim:
     """What the mirror shows where, as seen by the eye it is aimed for.
 
-    flank : share of the mirror's width, from its inboard edge outwards, that the host vehicle's flank takes on the row of
-    the horizon. The flank ends at the vertical edge at the vehicle's rear.
-    horizon : share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the width.
     Width and height are those of what reflects, (x, y) on the surface in mirror coordinates.
+
+    Parameters
+    ----------
+    flank : share of the mirror's width, from its inboard edge outwards, that the host vehicle's flank takes on the row of the
+        horizon. The flank ends at the vertical edge at the vehicle's rear.
+    horizon : share of the mirror's height, from its lower edge, at which the horizon lies in the middle of the width.
     """
 
     flank: float
@@ -42,20 +45,43 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class RearEdge:
-    """The vertical edge at the vehicle's rear that ends its flank: X rearward, and Y to the right, mm."""
+    """The vertical edge at the vehicle's rear that ends its flank.
+
+    Parameters
+    ----------
+    x_mm, y_mm : where it stands, mm: X rearward, Y to the right.
+    """
 
     x_mm: float
     y_mm: float
 
 
 def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: Aim) -> Pose:
-    """The pose, turned so that the eye (3,) sees the flank's end and the horizon where they are wanted.
+    """Turn a mirror so that the eye sees the flank's end and the horizon where they are wanted.
 
-    Two places of the surface, F for the flank and H for the horizon, on one row:
+    Two points of the surface, F for the flank and H for the horizon, on one row:
         F = (x_in − flank·width, y_low + horizon·height),   H = (the middle of the width, the same y).
     The eye's ray to F leaves through the rear edge, that to H leaves level. Newton on yaw and pitch with exact rays, from
     where the ray to H leaves straight rearward.
-    Raises: TraceError where no yaw and pitch is found that does it.
+
+    Parameters
+    ----------
+    reflector : the mirror, in its own coordinates.
+    pose : where it is; its yaw and pitch do not matter.
+    eye : (3,), mm, in vehicle coordinates.
+    edge : the flank's end.
+    wanted : what is to be seen where.
+
+    Returns
+    -------
+    Pose
+        The same with the yaw and pitch that do it, to rounding.
+
+    Raises
+    ------
+    TraceError
+        Where no yaw and pitch is found that does it, where the mirror has no surface at F or H, and for an eye inside of the
+        mirror or behind it.
     """
     x_min, x_max, y_min, y_max = box_of(reflector)
     y = y_min + wanted.horizon * (y_max - y_min)
@@ -107,7 +133,20 @@ def _refuse_eye(pose: Pose, eye: Array, place: Array, half_size: float) -> None:
 
 
 def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> Aim:
-    """Where the eye sees the end of the flank and the horizon in a posed mirror; NaN for what it does not show."""
+    """Find where the eye sees the end of the flank and the horizon in a posed mirror.
+
+    Parameters
+    ----------
+    reflector : the mirror, in its own coordinates.
+    pose : where it is on the vehicle, and how it is turned.
+    eye : (3,), mm, in vehicle coordinates.
+    edge : the flank's end.
+
+    Returns
+    -------
+    Aim
+        NaN for what the mirror does not show.
+    """
     x_min, x_max, y_min, y_max = box_of(reflector)
 
     def at(x: Array | float, y: Array | float) -> tuple[Array, Array]:
@@ -120,8 +159,9 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
 
 
 def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
-    """How the rays from the eye to points (n, 3) of the surface leave: the angle at which each passes the rear edge, in
-    plan, and the angle above the horizon; radians, (n,), NaN where one is not reflected or goes forward.
+    """How the rays from the eye to points (n, 3) of the surface leave: past the rear edge, in plan, and above the horizon.
+
+    Two angles, radians, (n,), NaN where a ray is not reflected or goes forward.
     """
     at = pose.to_mirror(eye)
     trace = reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at)

@@ -23,17 +23,39 @@ CORNER = 0.93  # of y beside x in the direction of the corner that a hull begins
 
 
 def visible_aperture(reflector: Reflector, over_mm: float) -> Reflector:
-    """The reflector as far as a bezel leaves it to see that reaches `over_mm` over its edge, all around, in (x, y).
+    """Cut a reflector to what a bezel leaves of it to see.
 
-    Raises: TraceError where the bezel covers all, or for a reflector whose outline is not in (x, y).
+    Parameters
+    ----------
+    reflector : the mirror, in its own coordinates.
+    over_mm : how far the bezel reaches over its edge, mm, all around, in (x, y).
+
+    Returns
+    -------
+    Reflector
+        The same one for 0.
+
+    Raises
+    ------
+    TraceError
+        Where the bezel covers all, and for a reflector whose outline is not in (x, y).
     """
     return reflector if over_mm == 0.0 else replace(reflector, surface=reflector.surface.inset(over_mm))
 
 
 def housing(reflector: Reflector) -> SurfaceMesh:
-    """A closed shell around a mirror, in mirror coordinates: a rounded rim before its edge, and a back behind it.
+    """Make a closed shell around a mirror: a rounded rim before its edge, and a back behind it.
 
     Only how it looks matters: it begins at the reflector's own edge (`edge_loop`).
+
+    Parameters
+    ----------
+    reflector : the mirror, in its own coordinates.
+
+    Returns
+    -------
+    SurfaceMesh
+        In mirror coordinates, mm.
     """
     edge = _edge(reflector)
     centre = edge.mean(axis=0)
@@ -63,8 +85,18 @@ def housing(reflector: Reflector) -> SurfaceMesh:
 
 
 def edge_loop(reflector: Reflector) -> Array:
-    """Points (n, 3) around what reflects: the rim of a single face where that is one curve around all of it, and else the hull
-    in (x, y), as high as what reflects is beside it: of a solid, its front.
+    """Find a closed line around what reflects.
+
+    It is the rim of a single face where that is one curve around all of it. Else it is the hull in (x, y), as high as what
+    reflects is beside it: of a solid, its front.
+
+    Parameters
+    ----------
+    reflector : the mirror, in its own coordinates.
+
+    Returns
+    -------
+    (n, 3), mm.
     """
     points = reflector.outline()
     if len(reflector.surface.rim) == 1:

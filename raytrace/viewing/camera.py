@@ -15,8 +15,16 @@ FRAME_MARGIN = 0.05  # of the mirror's width, on every side
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
-    """A pinhole at the eye (3,), mm. The ray through a place (column, row), counted in pixels from the first one's outer
-    corner, has the direction base + column·across + row·down, (3,) each, of any length. Row 0 is at the top.
+    """A pinhole and the samples of its picture.
+
+    The ray through a point (column, row) of the picture, counted in pixels from the first one's outer corner, has the direction
+    base + column·across + row·down, of any length. Row 0 is at the top.
+
+    Parameters
+    ----------
+    eye : (3,), mm, the pinhole.
+    base, across, down : (3,) each.
+    columns, rows : of pixels.
     """
 
     eye: Array
@@ -27,14 +35,24 @@ class Camera:
     rows: int
 
     def rays_through(self, column: Array, row: Array) -> Array:
-        """Directions (…, 3), of any length, through places of the picture."""
+        """Directions (…, 3), of any length, through points of the picture: column and row (…), in pixels."""
         return (self.base + np.asarray(column, dtype=np.float64)[..., None] * self.across
                 + np.asarray(row, dtype=np.float64)[..., None] * self.down)
 
     @staticmethod
     def looking_at(eye: Array, target: Array, up: Array, width_rad: float, columns: int, rows: int) -> Camera:
-        """A camera whose picture's middle looks at the target; `up` (3,) points upwards in the picture, and the angle
-        between the middles of its left and right side is width_rad. In right-handed coordinates.
+        """Make a camera whose picture's middle looks at a target, in right-handed coordinates, with square pixels.
+
+        Parameters
+        ----------
+        eye, target : (3,), mm.
+        up : (3,), what points upwards in the picture.
+        width_rad : the angle between the middles of its left and right side, radians.
+        columns, rows : of pixels.
+
+        Returns
+        -------
+        Camera
         """
         forward = (target - eye) / np.linalg.norm(target - eye)
         right = np.cross(forward, up)
@@ -46,9 +64,13 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The picture plane z = 0: the mirror's box with FRAME_MARGIN of its width on every side, in square pixels.
+    """A picture on the plane z = 0 of the mirror's coordinates, in square pixels; row 0 is at the top.
 
-    left, top : the outer corner of the first pixel, mm.   pixel : its size, mm.   Row 0 is at the top.
+    Parameters
+    ----------
+    left, top : x and y of the outer corner of the first pixel, mm.
+    pixel : its size, mm.
+    columns, rows : of pixels.
     """
 
     left: float
@@ -59,22 +81,23 @@ class Frame:
 
     @staticmethod
     def around(box: Box, width_px: int) -> Frame:
+        """The frame `width_px` wide around a box (x_min, x_max, y_min, y_max), mm, and FRAME_MARGIN of its width beyond."""
         margin = FRAME_MARGIN * (box[1] - box[0])
         pixel = (box[1] - box[0] + 2.0 * margin) / width_px
         rows = round((box[3] - box[2] + 2.0 * margin) / pixel)
         return Frame(box[0] - margin, box[3] + margin, pixel, width_px, rows)
 
     def place(self, column: Array, row: Array) -> tuple[Array, Array]:
-        """(x, y) on the picture plane, mm, of places counted in pixels from the first one's outer corner."""
+        """(x, y) on the picture plane, mm, of points counted in pixels from the first one's outer corner."""
         return self.left + np.asarray(column) * self.pixel, self.top - np.asarray(row) * self.pixel
 
     def camera(self, eye: Array) -> Camera:
-        """The camera at the eye (3,) whose picture plane this is."""
+        """The camera at the eye (3,), mm, whose picture plane this is."""
         size = self.pixel
         return Camera(eye, np.array([self.left - eye[0], self.top - eye[1], -eye[2]]), np.array([size, 0.0, 0.0]),
                       np.array([0.0, -size, 0.0]), self.columns, self.rows)
 
 
 def rays_through(frame: Frame, eye: Array, column: Array, row: Array) -> Array:
-    """Directions (n, 3), of any length, from the eye through places of the frame."""
+    """Directions (…, 3), of any length, from the eye (3,), mm, through points of the frame: column and row (…), in pixels."""
     return frame.camera(eye).rays_through(column, row)

@@ -16,11 +16,28 @@ EYE_DISTANCE_MM = 762.0  # from the centre of the mirror's surface: Lee et al. (
 
 
 def eye_position(distance_mm: float, aligned: str, box: Box) -> Array:
-    """The eye at the stated distance from the centre of the mirror surface (the origin), in the plane y = 0, over the
-    right edge, the centre or the left edge of the outline's box; (3,) mm.
+    """Place the eye at a distance from the centre of the mirror's surface, in the plane y = 0, over an edge or the centre.
 
-    e = (x_a, 0, √(d² − x_a²)), with x_a the x of what it is aligned with.
-    Raises: TraceError where the edge is farther from the centre than the eye.
+    e = (x_a, 0, √(d² − x_a²)), with x_a the x of what it is aligned with; the centre is the origin.
+
+    Parameters
+    ----------
+    distance_mm : d, mm.
+    aligned : "right", "centre" or "left", as the driver looks at the mirror.
+    box : (x_min, x_max, y_min, y_max) of the mirror, mm.
+
+    Returns
+    -------
+    (3,), mm, in mirror coordinates.
+
+    Raises
+    ------
+    TraceError
+        Where the edge is farther from the centre than the eye.
+
+    References
+    ----------
+    Lee et al. (2014), section 3.2.
     """
     x = {"right": box[1], "centre": 0.0, "left": box[0]}[aligned]
     if abs(x) >= distance_mm:

@@ -21,6 +21,12 @@ MARGIN = 0.03  # of the outline's box, beside it: glass shows a little beyond th
 class EyeViews:
     """The same posed mirror seen by the left eye, by the right one, and from the middle between them.
 
+    Parameters
+    ----------
+    left, middle, right : the views.
+
+    References
+    ----------
     UN Regulation No. 46, section 12, reckons a driver's view from two ocular points 65 mm apart.
     """
 
@@ -30,12 +36,28 @@ class EyeViews:
 
     @staticmethod
     def of(reflector: Reflector, pose: Pose, eyes: Eyes) -> EyeViews:
-        """Raises: TraceError for an eye that no place of the mirror faces."""
+        """The views of a posed reflector by a driver's eyes.
+
+        Raises
+        ------
+        TraceError
+            For an eye that no point of the mirror faces.
+        """
         return EyeViews(*(View(reflector, pose, eye) for eye in (eyes.left, eyes.middle, eyes.right)))
 
 
 def picture_grid(view: View, count: int) -> Array:
-    """Count × count places (rows, columns, 2) over all that a view may show, evenly spaced on the picture plane."""
+    """Points over all that a view may show, evenly spaced on the picture plane.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    count : of points a direction.
+
+    Returns
+    -------
+    (count, count, 2), mm: rows, columns, and (x, y); over the outline's box and MARGIN of it on every side.
+    """
     outline = view.places_of(view.reflector.outline())
     low, high = outline.min(axis=0), outline.max(axis=0)
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)

@@ -23,12 +23,16 @@ class Pose:
 
         p_vehicle = S·(c + q + T·(p_mirror − q)),   T = Rz(yaw)·Rpitch·STRAIGHT,   all for the left-hand mirror
 
-    centre (3,) : c, where the centre of the mirror's surface is while yaw = pitch = 0.
-    pivot (3,) : q, in mirror coordinates, what it turns about.
+    A file describes the left mirror; the right one is its reflection in the plane Y = 0 (S), and centre, yaw and pitch are
+    those of the left one that it is the reflection of.
+
+    Parameters
+    ----------
+    centre : (3,), c, mm, where the centre of the mirror's surface is while yaw = pitch = 0.
+    pivot : (3,), q, mm, in mirror coordinates, what it turns about.
     yaw : about Z, radians; a positive one turns the left mirror's face towards the vehicle, the right one's too.
     pitch : then about the mirror's own x, radians; a positive one turns its face upwards.
-    hand : the file describes the left mirror; the right one is its reflection in the plane Y = 0 (S), and `centre`, yaw
-    and pitch are those of the left one that it is the reflection of.
+    hand : whether it is the left mirror or the right one.
     """
 
     centre: Array
@@ -69,11 +73,11 @@ class Pose:
         return _Identity(np.zeros(3), np.zeros(3))
 
     def to_vehicle(self, points: Array) -> Array:
-        """Points (…, 3) of the mirror in vehicle coordinates."""
+        """Points (…, 3), mm, of the mirror in vehicle coordinates."""
         return points @ self.rotation.T + self.offset
 
     def to_mirror(self, points: Array) -> Array:
-        """Points (…, 3) of the vehicle in mirror coordinates."""
+        """Points (…, 3), mm, of the vehicle in mirror coordinates."""
         return (points - self.offset) @ self.rotation
 
     def directions_to_vehicle(self, directions: Array) -> Array:

@@ -16,15 +16,21 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class RayDifferentials:
-    """How the rays through n places leave when the eye turns a little. Rows of places that show nothing are NaN.
+    """How the rays through n points of the picture plane leave when the eye turns a little. Rows that show nothing are NaN.
 
     Both the eye's ray and the one that leaves have a frame across them: to the right as one looks along the ray, level, and
-    upward from there. With ω the eye's direction, d the reflected one and P where the ray leaves the mirror:
+    upward from there (`frame`). With ω the eye's direction, d the reflected one and P where the ray leaves the mirror:
 
-    jacobian (n, 2, 2) : ∂d/∂ω from the eye's frame to that of d, pure numbers; orthogonal for a flat mirror.
-    shift (n, 2, 2) : the part of ∂P/∂ω across d, mm a radian; `path_mm` times an orthogonal matrix where there is no glass.
-    path_mm (n,) : from the eye to P, straight.   seen (n,) : whether the mirror shows anything there.
-    Source: H. Igehy, Tracing ray differentials (1999); docs/derivations/what-the-eye-sees.md.
+    Attributes
+    ----------
+    jacobian : (n, 2, 2), ∂d/∂ω from the eye's frame to that of d, pure numbers; orthogonal for a flat mirror.
+    shift : (n, 2, 2), the part of ∂P/∂ω across d, mm a radian; `path_mm` times an orthogonal matrix where there is no glass.
+    path_mm : (n,), mm, from the eye to P, straight.
+    seen : (n,), whether the mirror shows anything there.
+
+    References
+    ----------
+    H. Igehy, Tracing ray differentials (1999); docs/derivations/what-the-eye-sees.md.
     """
 
     jacobian: Array
@@ -33,10 +39,19 @@ class RayDifferentials:
     seen: Mask
 
     def at(self, distance_mm: float = np.inf) -> Magnification:
-        """Magnification of small objects across the ray, `distance_mm` from where it leaves the mirror; far ones by default.
+        """Compute the magnification of small objects across the ray.
 
         A far object of extent e (radians) is seen with the extent J⁻¹·e; one of e mm at the distance D with
         (shift + D·J)⁻¹·e. A flat mirror at the same place shows |e|, or |e|/(a + D), a being `path_mm`.
+
+        Parameters
+        ----------
+        distance_mm : D, mm, from where the ray leaves the mirror; far objects by default.
+
+        Returns
+        -------
+        Magnification
+            Of the n rays.
         """
         if np.isinf(distance_mm):
             return Magnification(*_seen_sizes(self.jacobian))
@@ -53,6 +68,8 @@ class RayDifferentials:
 class Magnification:
     """Seen size over the size that a flat mirror at the same place would show; NaN where nothing is shown.
 
+    Attributes
+    ----------
     horizontal, vertical : of small objects that lie level and across the ray, and upright from there.
     area : of the solid angle; its root is the mean of the directions.
     """

@@ -17,23 +17,36 @@ TOUCHING = 1e-9  # of the way: a ray may start or end on the vehicle's side
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eyes:
-    """The driver's two ocular points, about their middle (3,) in vehicle coordinates, `separation_mm` apart along Y."""
+    """The driver's two ocular points, a distance apart along Y.
+
+    Parameters
+    ----------
+    middle : (3,), mm, between them, in vehicle coordinates.
+    separation_mm : from one to the other, mm.
+    """
 
     middle: Array
     separation_mm: float = 65.0
 
     @property
     def left(self) -> Array:
+        """The left ocular point, (3,), mm."""
         return self.middle - np.array([0.0, 0.5 * self.separation_mm, 0.0])
 
     @property
     def right(self) -> Array:
+        """The right ocular point, (3,), mm."""
         return self.middle + np.array([0.0, 0.5 * self.separation_mm, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
 class HostVehicle:
-    """A box that hides what lies behind it: |Y| ≤ half_width, front ≤ X ≤ rear, 0 ≤ Z ≤ height, mm."""
+    """A box that hides what lies behind it: |Y| ≤ half_width, front ≤ X ≤ rear, 0 ≤ Z ≤ height.
+
+    Parameters
+    ----------
+    half_width_mm, front_mm, rear_mm, height_mm : its planes, mm, in vehicle coordinates.
+    """
 
     half_width_mm: float
     front_mm: float
@@ -51,7 +64,16 @@ class HostVehicle:
                 np.array([self.rear_mm, self.half_width_mm, self.height_mm]))
 
     def hides(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
-        """Whether the vehicle stands between starts and ends, (…, 3) mm; no for rows that are not numbers."""
+        """Find whether the vehicle stands between starts and ends.
+
+        Parameters
+        ----------
+        starts, ends : (…, 3), mm, in vehicle coordinates.
+
+        Returns
+        -------
+        (…), whether the segment passes the box's inside; no where it only touches, and for rows that are not numbers.
+        """
         way = ends - starts
         low, high = self.corners
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -35,17 +35,24 @@ SETTLED = 1e-11  # of the bracket: a root that is known to less is found
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """Closed loops of n places at which the eye sees the mirror's edge, and what the rays through them do.
+    """Closed loops of points at which the eye sees the mirror's edge, and what the rays through them do.
 
-    places (n, 2) : on the picture plane, mm.   following (n,) : the index of the next vertex of the same loop; what reflects
-    lies on one side.   points, directions (n, 3) : where the rays through the vertices leave the mirror, and whither, in
-    vehicle coordinates.   way : places (m, 2) of the edge at shares (m,) of the way from vertices (m,) to the next.
-    of : the view that it is the edge of.   view : is asked for rays through the edge: the view of the whole sheet where there
-    is one (`beyond`), which goes on there.   rim : whether it is that of a face, or was looked for.
     Where one face without glass is all that the eye sees reflecting, and it sees all of it, the edge is its rim. For glass,
     several faces and meshes, where the face turns away from the eye, and where something stands before the mirror, it is
-    looked for: vertices some 0.6 mm apart and the places half way between are right to 1e-9 of the mirror's width, and
+    looked for: vertices some 0.6 mm apart and the points half way between are right to 1e-9 of the mirror's width, and
     parabolas join them.
+
+    Attributes
+    ----------
+    of : the view that it is the edge of.
+    view : is asked for rays through the edge: the view of the whole sheet where there is one, which goes on there.
+    beyond : whether there is one.
+    rim : whether it is that of a face, or was looked for.
+    places : (n, 2), mm, of the picture plane: the vertices.
+    points, directions : (n, 3), mm and unit, in vehicle coordinates: where the rays through the vertices leave the mirror, and
+        in which direction.
+    following : (n,), the index of the next vertex of the same loop; what reflects lies on one side.
+    way : points (m, 2) of the edge, mm, at shares (m,) of the way from vertices (m,) to the next.
     """
 
     of: View
@@ -59,7 +66,19 @@ class Edge:
     way: Callable[[Index, Array], Array]
 
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
-        """Places (m, 2) of the edge at shares t (m,) of the way from vertex k to the next, and what the rays there do."""
+        """Trace rays through points of the edge between its vertices.
+
+        Parameters
+        ----------
+        k : (m,), vertices.
+        t : (m,), shares of the way from each to the next one.
+
+        Returns
+        -------
+        places : (m, 2), mm, of the picture plane.
+        traced : what the rays there do. Where an edge that was looked for is hollow, on a straight way between the rays of its
+            vertices.
+        """
         places = self.way(k, t)
         traced = self.view.trace_places(places)
         lost = ~(traced.seen if self.beyond else _shows(self.view, places, traced))
@@ -87,13 +106,13 @@ class Edge:
         return tuple(found)
 
     def along(self, ring: Index, place: Array) -> tuple[Array, TracedRays]:
-        """`between` at places (m,) of one of the `rings`, counted in vertices, round and round."""
+        """`between` at points (m,) of one of the `rings`, counted in vertices, round and round."""
         along = np.mod(place, len(ring))
         k = np.minimum(along.astype(np.intp), len(ring) - 1)
         return self.between(ring[k], along - k)
 
     def image_points(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
-        """`image_points`, and whether the edge encloses the places."""
+        """`image_points` of the view that this is the edge of, and whether it encloses them: a solid's rim shows none."""
         places, inside = image_points(self.of, targets, at_infinity)
         if not self.rim:
             inside[inside] = _shows(self.of, places[inside])
@@ -106,12 +125,24 @@ class Edge:
         return traced.directions[0] if traced.seen[0] else mean
 
     def shows_more_than_half(self, middle: Array) -> bool:
-        """Whether directions may be shown that are opposite to each other; `middle` as above."""
+        """Whether directions may be shown that are opposite to each other; `middle` (3,) as the method of that name has it."""
         return bool((self.directions @ middle <= 0.0).any())
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
-        """Where a function (points (m, 3), directions (m, 3)) -> (m,) changes its sign along the edge: after which vertices,
-        and the places and rays.
+        """Find where a function of the rays changes its sign along the edge, on exact rays.
+
+        Also where it does so twice between two vertices, if the parabola through three of them comes near to 0 there.
+
+        Parameters
+        ----------
+        value : the function: of points (m, 3) and directions (m, 3) of rays that leave the mirror, in vehicle coordinates, to
+            (m,).
+
+        Returns
+        -------
+        k : (m,), the vertices after which it does.
+        places : (m, 2), mm, of the picture plane, where it does.
+        traced : the rays there.
         """
         now = value(self.points, self.directions)
         after = now[self.following]
@@ -126,8 +157,9 @@ class Edge:
                                    np.concatenate([after[k], there, after[turned]]), value, low, high)
 
     def _turns(self, now: Array, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Array]:
-        """After which vertices (m,), at which shares of the way to the next and with which values a function, `now` (n,) at the
-        vertices, has the other sign than at both.
+        """Where a function, `now` (n,) at the vertices, has the other sign between two vertices than at both.
+
+        After which vertices (m,), at which shares of the way to the next, and with which values.
         """
         before = np.empty_like(self.following)
         before[self.following] = np.arange(len(before))
@@ -151,8 +183,19 @@ class Edge:
 
     def settle(self, k: Index, at_low: Array, at_high: Array, value: Callable[[Array, Array], Array],
                low: Array | float = 0.0, high: Array | float = 1.0) -> tuple[Array, TracedRays]:
-        """Where functions (m,) of rays vanish between shares `low` and `high` of the way from the vertices k (m,) to the next,
-        where they have values at_low and at_high (m,) of opposite signs.
+        """Find where functions of rays vanish between two points of the edge each.
+
+        Parameters
+        ----------
+        k : (m,), vertices.
+        at_low, at_high : (m,), the functions' values at the two points, of opposite signs.
+        value : the functions: of points (m, 3) and directions (m, 3) to (m,).
+        low, high : (m,), shares of the way from the vertices to the next, at which the points are.
+
+        Returns
+        -------
+        places : (m, 2), mm, of the picture plane.
+        traced : the rays there.
         """
         def at(t: Array) -> Array:
             _, traced = self.between(k, low + t * (high - low))
@@ -167,6 +210,15 @@ def edge_of(view: View) -> Edge:
 
     It is the rim of the one face that is seen, where there is one without glass that nothing stands before, and is looked for
     as a contour of visibility else (`visibility_contour`).
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+
+    Returns
+    -------
+    Edge
+        Without vertices where the eye sees nothing reflecting.
     """
     face = _shown_face(view)
     rim = None if face is None else _rim(face)
@@ -233,8 +285,9 @@ def _stands_before(view: View, points: Array) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rim:
-    """n vertices on the curves that bound a face, points (n, 3), each with the `count` pieces of its curve up to the
-    following vertex, from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v).
+    """n vertices on the curves that bound a face, points (n, 3), and the pieces of the curves from each to the following one.
+
+    They are `count` pieces from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v).
     """
 
     evaluate: Evaluate
@@ -287,7 +340,17 @@ def _grid(view: View) -> Array:
 
 
 def visibility_contour(view: View) -> Edge:
-    """Find the edge as the border of those points of a grid whose rays are reflected, moved to where they cease to be."""
+    """Find the edge as the border of those points of a grid whose rays are reflected, moved to where they cease to be.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+
+    Returns
+    -------
+    Edge
+        Joined by parabolas through points half way between its vertices.
+    """
     grid = _grid(view)
     seen = _shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
@@ -323,10 +386,10 @@ def _middles(view: View, places: Array, following: Index) -> Array:
 
 
 def _border(seen: Mask) -> tuple[Index, Index]:
-    """Where a mask on a grid changes: the nodes inside and outside (m, 2) of each side of a cell on which it does, and the
-    index of the next such side round what is inside, which lies to the left.
+    """Where a mask on a grid changes: the nodes inside and outside (m, 2) of each side of a cell on which it does.
 
-    Where two corners of a cell that lie across are inside, they are taken to be apart.
+    And the index (m,) of the next such side round what is inside, which lies to the left. Where two corners of a cell that lie
+    across are inside, they are taken to be apart.
     """
     node = np.arange(seen.size).reshape(seen.shape)
     corners = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=2).reshape(-1, 4)
@@ -357,7 +420,17 @@ def _shows(view: View, places: Array, traced: TracedRays | None = None) -> Mask:
 
 
 def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
-    """The last places (m, 2) that are seen on the way from places inside to such outside."""
+    """Find the last points that are seen on the way from points that are to others that are not.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    inside, outside : (m, 2), mm, of the picture plane.
+
+    Returns
+    -------
+    (m, 2), mm, to 4e-9 of the way.
+    """
     share = (np.arange(SPLIT + 1) / SPLIT)[:, None]
     row = np.arange(len(inside))
     for _ in range(ROUNDS):
@@ -369,10 +442,22 @@ def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
 
 
 def roots(function: Callable[[Array], Array], at_low: Array, at_high: Array) -> Array:
-    """Where functions (m,) -> (m,) vanish between 0 and 1; at_low, at_high (m,) : their values there, of opposite signs.
+    """Find where functions vanish between 0 and 1.
 
     A secant first, then inverse quadratic interpolation where three values allow it, halving elsewhere.
-    Source: Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function, Advances in
+
+    Parameters
+    ----------
+    function : (m,) to (m,), one function a row.
+    at_low, at_high : (m,), their values at 0 and at 1, of opposite signs.
+
+    Returns
+    -------
+    (m,), to 1e-11.
+
+    References
+    ----------
+    Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function, Advances in
     Engineering Software 28 (1997).
     """
     here, other = np.zeros_like(at_low), np.ones_like(at_low)

@@ -22,8 +22,13 @@ OVERSHOOT = 0.5  # of the change to a neighbouring sample: how much higher than 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """m functions at n places: values (m, n), NaN where there are none; inside (n,) : whether a place counts; at (n, 2) : where
-    it is. Values beside what counts help to tell where the largest may be.
+    """Several functions at n points of a mirror. Values beside what counts help to tell where the largest may be.
+
+    Attributes
+    ----------
+    values : (m, n), of the m functions, NaN where there are none.
+    inside : (n,), whether a point counts.
+    at : (n, 2), where it is.
     """
 
     values: Array
@@ -37,8 +42,13 @@ Evaluate = Callable[[Index, Array], Samples]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Largest:
-    """The largest of the values of each of m functions, (m,), NaN without one, and where: at (m, 2) as in `Samples`, curve (m,)
-    and place (m, 2) as they were asked for.
+    """The largest of the values of each of m functions, and where it is.
+
+    Attributes
+    ----------
+    value : (m,), NaN without one.
+    at : (m, 2), as in `Samples`.
+    curve, place : (m,) and (m, 2), as they were asked for.
     """
 
     value: Array
@@ -71,17 +81,22 @@ class _Search:
 
 
 def largest(evaluate: Evaluate, x: Array, y: Array, lengths: Array, on_curve: int) -> Largest:
-    """The largest values of m functions over what counts: a grid and closed curves first, then closer about the best of both.
+    """Find the largest values of functions over what counts: on a grid and closed curves, then closer about the best of both.
 
-    A largest value lies inside, at a place of the edge, or where two edges meet; in each case it is approached by samples
+    A largest value lies inside, at a point of the edge, or where two edges meet; in each case it is approached by samples
     that get closer, of which only those count that are `inside`.
 
     Parameters
     ----------
-    evaluate : the functions.
+    evaluate : the functions, m of them.
     x, y : of the grid, (c,) and (r,), rising and even.
-    lengths : of the closed curves, (k,), in any measure; a curve's places run from 0 to its length.
+    lengths : of the closed curves, (k,), in any measure; a curve's points run from 0 to its length.
     on_curve : samples on each of the curves.
+
+    Returns
+    -------
+    Largest
+        To REFINED of the values.
     """
     at_x, at_y = np.meshgrid(x, y)
     grid = np.stack([at_x.ravel(), at_y.ravel()], axis=1)

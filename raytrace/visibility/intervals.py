@@ -15,7 +15,13 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IntervalSet:
-    """m intervals on numbered rows, in rising order on each: row, low and high (m,); on lines the last two are in mm."""
+    """Intervals on numbered rows, in rising order on each.
+
+    Parameters
+    ----------
+    row : (m,), of each interval.
+    low, high : (m,), from and to; on lines in mm.
+    """
 
     row: Index
     low: Array
@@ -54,8 +60,16 @@ class IntervalSet:
 
 
 def combined(keep: Callable[..., Mask], *sets: IntervalSet) -> IntervalSet:
-    """Where `keep` says so of k flags (n,), one a set: whether it holds there. It must say no where none of them does.
-    Intervals that touch become one.
+    """Find where a rule of flags holds, one flag a set: whether a point of the row lies in it. Intervals that touch become one.
+
+    Parameters
+    ----------
+    keep : the rule, of k flags (n,) to (n,); it must say no where none of the flags is set.
+    *sets : k of them.
+
+    Returns
+    -------
+    IntervalSet
     """
     row = np.concatenate([row for spans in sets for row in (spans.row, spans.row)])
     at = np.concatenate([end for spans in sets for end in (spans.low, spans.high)])

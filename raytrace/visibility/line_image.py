@@ -30,14 +30,21 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StraightLine:
-    """The points start + s·direction, 0 ≤ s ≤ length_mm, which may be inf; in vehicle coordinates, direction (3,) a unit."""
+    """The points start + s·direction, 0 ≤ s ≤ length_mm, in vehicle coordinates.
+
+    Parameters
+    ----------
+    start : (3,), mm.
+    direction : (3,), unit.
+    length_mm : mm; inf for a line that goes on to its vanishing point.
+    """
 
     start: Array
     direction: Array
     length_mm: float
 
     def at(self, along_mm: Array) -> Array:
-        """Points (n, 3) at finite distances (n,) from the start."""
+        """Points (n, 3), mm, at finite distances (n,), mm, from the start."""
         return self.start + along_mm[:, None] * self.direction
 
 
@@ -47,18 +54,21 @@ def road_line(y_mm: float, near_mm: float = 0.0, far_mm: float = np.inf) -> Stra
 
 
 def column(x_mm: float, y_mm: float, height_mm: float) -> StraightLine:
-    """A vertical line that stands on the ground at (x_mm, y_mm)."""
+    """A vertical line that stands on the ground at (x_mm, y_mm), height_mm high."""
     return StraightLine(np.array([x_mm, y_mm, 0.0]), UP, height_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineImage:
-    """A part of a line that an eye sees in a mirror, from the nearer end of the line to the farther; n places.
+    """A part of a line that an eye sees in a mirror, sampled from the nearer end of the line to the farther.
 
-    along_mm (n,) : of the points on the line, from its start, inf for the vanishing point.   places (n, 2) : of the picture
-    plane, mm.   directions (n, 3) : unit, from the eye, in vehicle coordinates: where they are seen.   on_mirror (n, 3) : where
-    the mirror reflects them, in mirror coordinates.   ends : why it ends at either end: the line does, the mirror does at its
-    edge, or the host vehicle hides the rest.
+    Attributes
+    ----------
+    along_mm : (n,), mm, of the points on the line, from its start; inf for the vanishing point.
+    places : (n, 2), mm, of the picture plane.
+    directions : (n, 3), unit, from the eye, in vehicle coordinates: where they are seen.
+    on_mirror : (n, 3), mm, where the mirror reflects them, in mirror coordinates.
+    ends : why it ends at either end: the line does, the mirror does at its edge, or the host vehicle hides the rest.
     """
 
     along_mm: Array
@@ -76,9 +86,18 @@ class LineImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineView:
-    """A line as the mirror sees it: points of the line by the angle φ at which they are seen from the mirror, about, measured
-    from the foot of the perpendicular: s = foot + away·tan φ. So samples are spread over the picture, and the vanishing point,
-    φ = 90°, is a place like others.
+    """A line as the mirror sees it: its points are told by the angle φ at which they are seen from the mirror, about.
+
+    It is measured from the foot of the perpendicular: s = foot + away·tan φ. So samples are spread over the picture, and the
+    vanishing point, φ = 90°, is a point like others.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    edge : of what it sees reflecting.
+    line : of the world.
+    foot_mm : of the perpendicular from the middle of the edge, mm from the line's start.
+    away_mm : the perpendicular's length, mm.
     """
 
     view: View
@@ -89,7 +108,7 @@ class LineView:
 
     @staticmethod
     def of(view: View, line: StraightLine) -> LineView:
-        """The line in a view."""
+        """The line in a view, with the perpendicular from the middle of the edge."""
         edge = edge_of(view)
         mirror = edge.points.mean(axis=0) - line.start
         foot = float(mirror @ line.direction)
@@ -101,18 +120,26 @@ class LineView:
         return self.angle(np.array([0.0, self.line.length_mm]))
 
     def angle(self, along_mm: Array) -> Array:
-        """φ of points of the line (n,)."""
+        """φ of points of the line, radians: along_mm (n,) from its start."""
         result: Array = np.arctan2(along_mm - self.foot_mm, self.away_mm)
         return result
 
     def along(self, angle: Array) -> Array:
-        """Where on the line φ is (n,), mm; inf for the vanishing point."""
+        """Where on the line φ (n,), radians, is: mm from its start, inf for the vanishing point."""
         endless = np.isinf(self.line.length_mm) & (angle >= self.ends[1])
         return np.where(endless, np.inf, self.foot_mm + self.away_mm * np.tan(angle))
 
     def image_points(self, angle: Array) -> tuple[Array, Mask]:
-        """The places (n, 2) that show the line's points at φ (n,), NaN where the sheet shows none, and whether inside the
-        outline.
+        """Find the points of the picture plane that show points of the line.
+
+        Parameters
+        ----------
+        angle : (n,), φ, radians.
+
+        Returns
+        -------
+        places : (n, 2), mm; NaN where the sheet shows none.
+        seen : (n,), whether inside the outline.
         """
         along = self.along(angle)
         far = np.isinf(along)
@@ -122,9 +149,15 @@ class LineView:
         return places, seen
 
     def crossings(self) -> tuple[Array, Array, Array]:
-        """φ (k,), rising, at which the line's image meets the edge, the places there (k, 2), and on the mirror (k, 3).
+        """Find where the line's image meets the edge.
 
         A ray from q along d and the line are in one plane where (q − start)·(direction × d) = 0.
+
+        Returns
+        -------
+        angle : (k,), φ, radians, rising.
+        places : (k, 2), mm, of the picture plane.
+        on_mirror : (k, 3), mm, in mirror coordinates.
         """
         start, u = self.line.start, self.line.direction
         _, places, traced = self.edge.crossings(lambda q, d: np.einsum("ij,ij->i", q - start, np.cross(u, d)))
@@ -140,8 +173,16 @@ class LineView:
         return angle[met][order], places[met][order], traced.on_mirror[met][order]
 
     def inside(self, stops: Array, at: Array) -> Mask:
-        """Whether the mirror shows the parts of the line between its ends and the crossings, stops (k + 2,), whose places are
-        `at` (k, 2).
+        """Find whether the mirror shows the parts of the line between its ends and the crossings.
+
+        Parameters
+        ----------
+        stops : (k + 2,), φ of the ends and of the crossings, rising.
+        at : (k, 2), mm, where the crossings are seen.
+
+        Returns
+        -------
+        (k + 1,).
         """
         if len(at) == 0 or not self.edge.beyond:
             return self.image_points(0.5 * (stops[1:] + stops[:-1]))[1]
@@ -152,15 +193,38 @@ class LineView:
         return np.concatenate([~shows[:1], shows])
 
     def segments(self, angle: Array, starts: Array) -> tuple[Array, Array, Array]:
-        """The places (n, 2) that show the line's points at φ (n,), by Newton from near by, where their rays leave the mirror,
-        and the points, those far away FAR_MM away.
+        """Find the segments from the mirror to points of the line, by Newton from near by.
+
+        Parameters
+        ----------
+        angle : (n,), φ, radians.
+        starts : (n, 2), mm, of the picture plane, near those that show them.
+
+        Returns
+        -------
+        places : (n, 2), mm, that show them.
+        points : (n, 3), mm, where their rays leave the mirror.
+        targets : (n, 3), mm, the points of the line, those far away FAR_MM away.
         """
         target = self.line.at(np.minimum(self.along(angle), FAR_MM))
         places, points = follow_image_points(self.edge.view, starts, target)
         return places, points, target
 
     def image(self, low: float, high: float, ends: tuple[End, End], known: tuple[Known, Known], samples: int) -> LineImage:
-        """The part of the image between two φ, with what is known of its ends: their place and where on the mirror it is."""
+        """Sample a part of the image.
+
+        Parameters
+        ----------
+        low, high : φ of its ends, radians.
+        ends : why it ends there.
+        known : of each end, where it is seen and where on the mirror it is, where that is known.
+        samples : even in φ.
+
+        Returns
+        -------
+        LineImage
+            Of the samples that are shown.
+        """
         angle = np.linspace(low, high, samples)
         places, _ = self.image_points(angle)
         traced = self.edge.view.trace_places(places)
@@ -173,11 +237,23 @@ class LineView:
 
 def line_images(view: View, line: StraightLine, host: HostVehicle | None = None, samples: int = SAMPLES,
                 ) -> tuple[LineImage, ...]:
-    """The parts of a line that the eye sees in the mirror and the host vehicle does not hide, the largest first.
+    """Find the parts of a line that the eye sees in the mirror and the host vehicle does not hide.
 
-    Each is sampled at places evenly spread over the picture, both ends among them. Ends at the edge and at what the vehicle
-    hides are exact. Meshes show nothing beyond their edge, where Newton takes its differences: of theirs, samples within 0.2 %
-    of the mirror's width from the edge may be missing, the ends not.
+    Each is sampled at points evenly spread over the picture, both ends among them. Ends at the edge and at what the vehicle
+    hides are exact. Meshes show nothing beyond their edge: of theirs, samples within 0.2 % of the mirror's width from the edge
+    may be missing, the ends not.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    line : of the world.
+    host : what hides; None for nothing.
+    samples : of each part.
+
+    Returns
+    -------
+    tuple of LineImage
+        The largest first.
     """
     if len(edge_of(view).places) == 0:
         return ()
@@ -198,7 +274,17 @@ Unmeasured = Literal["not shown", "hidden by the host vehicle", "too short", "le
 
 
 def why_unmeasured(view: View, line: StraightLine, host: HostVehicle | None, least_samples: int) -> Unmeasured | None:
-    """Why a line has no image of so many samples: None where it has one."""
+    """Tell why a line has no image of so many samples.
+
+    Parameters
+    ----------
+    view, line, host : as in `line_images`.
+    least_samples : of the largest part.
+
+    Returns
+    -------
+    None where it has one.
+    """
     images = line_images(view, line, host)
     if images:
         return None if len(images[0].along_mm) >= least_samples else "too short"

@@ -41,7 +41,7 @@ def grazing_functions(host: HostVehicle, starts: Array, ends: Array) -> Array:
     Parameters
     ----------
     host : the box.
-    starts, ends : (n, 3) mm.
+    starts, ends : (n, 3), mm.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def grazing_functions(host: HostVehicle, starts: Array, ends: Array) -> Array:
 
 
 def unhidden(host: HostVehicle, row: Index, at: Array, samples: Segments, rays: Rays) -> IntervalSet:
-    """The intervals of a parameter, on numbered rows, in which a box does not hide the ends of segments that move with it.
+    """Find the intervals of a parameter, on numbered rows, in which a box does not hide the ends of segments that move with it.
 
     Every end of an interval is the end of a row's samples or a root of one of the `grazing_functions`, on segments that `rays`
     gives; roots are bracketed by the samples' signs and, where a function turns between two samples, by its turn. What is
@@ -76,7 +76,8 @@ def unhidden(host: HostVehicle, row: Index, at: Array, samples: Segments, rays: 
 
     Returns
     -------
-    The intervals of the parameter, each row's number being its own.
+    IntervalSet
+        Of the parameter, each row's number being its own.
     """
     n = len(at)
     if n == 0:
@@ -122,8 +123,9 @@ def _brackets(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Arr
 
 
 def _may_count(host: HostVehicle, which: Index, cell: Index, starts: Array, ends: Array, values: Array) -> Mask:
-    """Whether a function's root in a cell may lie on the box: an edge is a segment, as the ray is, and both are crossed or
-    passed by far. Only what is clearly passed by is left out.
+    """Whether a function's root in a cell may lie on the box.
+
+    An edge is a segment, as the ray is, and both are crossed or passed by far. Only what is clearly passed by is left out.
     """
     here, after = values[which, cell], values[which, cell + 1]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -155,8 +157,9 @@ def _may_count(host: HostVehicle, which: Index, cell: Index, starts: Array, ends
 
 def _turns(host: HostVehicle, row: Index, at: Array, starts: Array, ends: Array, values: Array, rays: Rays,
            ) -> tuple[Index, Index, Array, Array] | None:
-    """Where functions that have one sign at both ends of a cell have the other between: the function, the cell, the share and
-    the value there; None where none does.
+    """Where functions that have one sign at both ends of a cell have the other between.
+
+    The function, the cell, the share and the value there, (m,) each; None where none does.
     """
     if len(at) < 3:
         return None

@@ -25,8 +25,11 @@ FLAT = 1e-6  # below 1: a flat mirror's eigenvalues are 1 but for differences of
 class Orientation:
     """How a mirror shows far things beside a flat mirror in its place.
 
+    Attributes
+    ----------
     way : "upright", the same way round; "inverted", upside down and left for right; "reversed", turned over in one direction
-    only; "mixed", one here and another there.   twice : whether some directions are shown at two places or more.
+        only; "mixed", one here and another there.
+    twice : whether some directions are shown at two points or more.
     converging : whether it enlarges anything: where it does, turning it may make it show something twice.
     """
 
@@ -37,15 +40,27 @@ class Orientation:
 
 @lru_cache(maxsize=8)
 def orientation(view: View) -> Orientation:
-    """How a mirror shows far things, by the signs of the two eigenvalues of S⁻¹·∂d/∂ω over all that the eye sees.
+    """Tell how a mirror shows far things, by the signs of the two eigenvalues of S⁻¹·∂d/∂ω over all that the eye sees.
 
-    S is what ∂d/∂ω is for a flat mirror there; for a bare one S⁻¹·∂d/∂ω = 1 + 2a·cos β·TᵀWT (docs/derivations/
-    what-the-eye-sees.md), whose eigenvalues are above 1 where the mirror is convex. Where it is concave and the eye farther
+    S is what ∂d/∂ω is for a flat mirror there; for a bare one S⁻¹·∂d/∂ω = 1 + 2a·cos β·TᵀWT, whose eigenvalues are above 1
+    where the mirror is convex. Where it is concave and the eye farther
     away than about its focal length, 1/(2κ), one or both are below 0. Where one is 0 the mirror folds: the directions
     to one side of that line are shown by both sides of the mirror, those to the other side not at all. A field or a piece of
     ground that is bounded by the mirror's edge elsewhere is bounded by that line there, so what is measured by the edge
     (`eye_fields`, `plan`) and by the inverse ray (`raytrace.visibility.image_points`) does not hold for such a mirror.
-    Looked at on a grid of 17 × 25 places, and at 128 of the edge. Not looked at is whether several faces show the same.
+    Looked at on a grid of 17 × 25 points, and at 128 of the edge. Not looked at is whether several faces show the same.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+
+    Returns
+    -------
+    Orientation
+
+    References
+    ----------
+    docs/derivations/what-the-eye-sees.md
     """
     view = view.interpolated
     _, _, places = mirror_grid(view, COLUMNS, ROWS)

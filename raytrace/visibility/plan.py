@@ -136,8 +136,19 @@ def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, 
 
 
 def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
-    """Which straight lines (m,), of two ends each, (2, m, 2) in plan, lie with all of the mirror on the outer side of a plane
-    that bounds the vehicle: it hides nothing of them.
+    """Find which straight lines lie, with all of the mirror, on the outer side of a plane that bounds the vehicle.
+
+    It hides nothing of them.
+
+    Parameters
+    ----------
+    edge : of what the eye sees reflecting.
+    host : the box.
+    ends : (2, m, 2), mm, the two ends of each line in plan.
+
+    Returns
+    -------
+    (m,).
     """
     mirror = edge.points[:, :2]
     found = np.zeros(ends.shape[1], dtype=np.bool_)
@@ -189,10 +200,18 @@ def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, host: Hos
 
 
 def outlines(spans: IntervalSet, values: Array) -> tuple[Polygon, ...]:
-    """Closed polygons (n, 2) of (value, place on the line) round what lies in intervals on neighbouring lines.
+    """Join intervals on neighbouring lines to closed polygons.
 
-    values (n,) : the lines', rising. Every vertex is an interval's end; where one interval becomes two or two become one, so
-    does the polygon.
+    Every vertex is an interval's end; where one interval becomes two or two become one, so does the polygon.
+
+    Parameters
+    ----------
+    spans : the intervals, on rows numbered as the lines.
+    values : (l,), of the lines, rising, mm.
+
+    Returns
+    -------
+    Polygons (n, 2) of (value, point on the line), mm.
     """
     first = np.searchsorted(spans.row, np.arange(len(values) + 1))
     done: list[tuple[list[tuple[float, float]], list[tuple[float, float]]]] = []
