@@ -22,11 +22,16 @@ FARTHEST = 1e150
 
 
 class Hits(NamedTuple):
-    """First hits of n rays: distance along the direction, inf for none; triangle, −1 for none; and the barycentric u, v of
-    P = (1 − u − v)·v0 + u·v1 + v·v2, 0 for none.
+    """First hits of n rays on triangles, float64 on the triangle's own plane.
 
-    All are float64 on the triangle's own plane. Which triangle it is comes from float32: a ray within some 1e-6 of the
-    mesh's radius of an edge may get the neighbour's, with u or v as much outside 0…1.
+    Which triangle it is comes from float32: a ray within some 1e-6 of the mesh's radius of an edge may get the neighbour's,
+    with u or v as much outside 0…1.
+
+    Attributes
+    ----------
+    distance : (n,), along the direction; inf for none.
+    triangle : (n,), −1 for none.
+    u, v : (n,), barycentric: P = (1 − u − v)·v0 + u·v1 + v·v2; 0 for none.
     """
 
     distance: Array
@@ -36,10 +41,19 @@ class Hits(NamedTuple):
 
 
 class TriangleScene:
-    """One mesh, committed once.
+    """One mesh in Embree, committed once.
 
-    vertices (n, 3), finite, any unit and place; faces (m, 3), integers below n.
-    Raises: ValueError that names what is wrong with them; InstallationError where embreex is not installed.
+    Parameters
+    ----------
+    vertices : (n, 3), finite, in any unit and place.
+    faces : (m, 3), integers below n.
+
+    Raises
+    ------
+    ValueError
+        That names what is wrong with them.
+    InstallationError
+        Where embreex is not installed.
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
@@ -73,9 +87,22 @@ class TriangleScene:
         self._scene.run(np.zeros((1, 3), dtype=np.float32), np.ones((1, 3), dtype=np.float32))
 
     def first_hits(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
-        """First hits of rays with unit directions (n, 3) from origins (3,), (1, 3) or (n, 3).
+        """Find the first triangle that each ray meets.
 
-        Raises: ValueError for other shapes, and for a ray that is not finite or whose direction is not unit, with its row.
+        Parameters
+        ----------
+        origins : (3,), (1, 3) or (n, 3), finite.
+        directions : (n, 3), unit.
+
+        Returns
+        -------
+        Hits
+            In the vertices' unit.
+
+        Raises
+        ------
+        ValueError
+            For other shapes, and for a ray that is not finite or whose direction is not unit, with its row.
         """
         starts, rays = _rays(origins, directions)
         n = len(rays)
@@ -84,9 +111,22 @@ class TriangleScene:
         return out
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
-        """Whether a triangle stands in the way of each ray, however far, (n,): rays and what is raised as in `first_hits`.
+        """Find whether a triangle stands in the way of each ray, however far.
 
         In float32: a ray that starts within some 1e-6 of the mesh's radius of a triangle may or may not meet it.
+
+        Parameters
+        ----------
+        origins, directions : as in `first_hits`.
+
+        Returns
+        -------
+        (n,).
+
+        Raises
+        ------
+        ValueError
+            As `first_hits`.
         """
         starts, rays = _rays(origins, directions)
         out = np.empty(len(rays), dtype=np.bool_)

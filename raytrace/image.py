@@ -31,10 +31,15 @@ class Scene(Protocol):
     """What the rays of a picture can land on."""
 
     def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
-        """Add the colour each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum.
+        """Add the colour that each ray sees to sums, `samples` rays in a row to one of them; called from several threads.
 
-        rays : directions (n, 3), of any length, in which the rays left the eye (3,): for those that are not reflected.
-        Called from several threads at once.
+        Parameters
+        ----------
+        trace : of the n rays in the mirror.
+        eye : (3,), mm.
+        rays : (n, 3), of any length, in which the rays left the eye: for those that are not reflected.
+        sums : (n // samples, 3), float64, what is added to.
+        samples : a pixel.
         """
 
     def to_display(self, means: Array) -> Picture:
@@ -43,13 +48,24 @@ class Scene(Protocol):
 
 def photograph(reflector: Reflector | None, camera: Camera, scene: Scene, progress: Callable[[float], None] | None = None,
                samples: int = SAMPLES, contrast: int = CONTRAST) -> tuple[Picture, dict[str, int]]:
-    """The picture that a camera takes of the mirror, (rows, columns, 3) uint8, and how many rays had which status; without
-    a reflector, of the scene alone.
+    """Take the picture of a mirror, or of the scene alone, with a camera.
 
-    One ray through the middle of every pixel; where that shows a difference of `contrast` or more to a neighbour, in values
-    of 255, samples² rays on a regular grid, averaged. The mirror is cut to its outline by the rays themselves.
-    The picture does not depend on the number of threads. `progress` is called with the share that is done; what it raises
-    ends the work.
+    One ray through the middle of every pixel; where that shows a contrast to a neighbour, a regular grid of rays, averaged. The
+    mirror is cut to its outline by the rays themselves. The picture does not depend on the number of threads.
+
+    Parameters
+    ----------
+    reflector : what is looked into; None for the scene alone.
+    camera : the eye and the pixels, in the reflector's coordinates.
+    scene : what the rays land on.
+    progress : called with the share that is done; what it raises ends the work.
+    samples : a direction, of pixels that need more than one.
+    contrast : the difference to a neighbour from which a pixel needs more, in values of 255.
+
+    Returns
+    -------
+    picture : (rows, columns, 3), uint8.
+    counts : how many rays had which status, by name.
     """
     if reflector is not None and reflector.obstacles_behind:
         # They stand in no reflected ray's way, and which ray misses how is not asked.
@@ -159,5 +175,5 @@ def _mark_contrasts(picture: Picture, least: int, found: NDArray[np.bool_]) -> N
 
 
 def landing_points(trace: Trace, z_mm: float) -> Array:
-    """Where the reflected rays meet the plane z = z_mm, (n, 3); NaN for rays that do not."""
+    """Where the reflected rays meet the plane z = z_mm, (n, 3), mm; NaN for rays that do not."""
     return landed(trace.points, trace.directions, z_mm)

@@ -27,26 +27,40 @@ GLASS_INDEX = 1.52  # float glass, at the helium d line
 def load_reflector(path: str | Path, face: str | int | Colour | None = None, normals: Normals = "facets",
                    index: float = GLASS_INDEX, progress: Callable[[float], None] | None = None,
                    place: Place = "file") -> Reflector:
-    """Read a reflector from a CAD file (.step, .stp, .iges, .igs, .brep, .brp) or a mesh (.stl, .obj, .ply, .off, .gltf, .glb,
-    .3mf).
+    """Read a reflector from a CAD file or a mesh.
 
-    In a CAD file the faces named "optical face" reflect, on their outer side, and every other face is an obstacle;
-    without such a name every face reflects, on both sides. `face` chooses otherwise: the faces of another name, be it their
-    own, or else that of their part (product, instance), or else of their layer; the face of a number (1 is the first of the
-    file); or the faces of a colour (red, green, blue, 0 to 255). These reflect on both sides, and the others are obstacles.
-    With a "front face" beside the optical one, light goes through glass of refractive index `index`. Planes, spheres and
-    cylinders are traced as such, other surfaces as the B-splines that they are or that are the same surface; faces of
-    triangles alone (AP242) as a mesh. A mesh reflects on both sides, from its facets or, with normals = "interpolated", as the
-    smooth surface its vertices lie on. `progress` is called with the share of a CAD file's faces that have been read. The
-    kernel reads a CAD file in a child process, where a damaged one harms nobody.
+    In a CAD file (.step, .stp, .iges, .igs, .brep, .brp) the faces named "optical face" reflect, on their outer side, and every
+    other face is an obstacle; without such a name every face reflects, on both sides. With a "front face" beside the optical
+    one, light goes through glass. Planes, spheres and cylinders are traced as such, other surfaces as the B-splines that they
+    are or that are the same surface; faces of triangles alone (AP242) as a mesh. The kernel reads a CAD file in a child
+    process, where a damaged one harms nobody. A mesh (.stl, .obj, .ply, .off, .gltf, .glb, .3mf) reflects on both sides.
 
-    `place` says in which coordinates: "file", those of the file, in which a script shoots its rays; "face", mirror coordinates
-    by the face's own frame (`raytrace.seating` has the rules); a `raytrace.Placement`, mirror coordinates as it states them;
-    "auto", as the commands have it: those of the file for one that `mirror-cad build` wrote, "face" for any other. A right-hand
-    mirror of `build` is reflected into mirror coordinates, which are the left-hand one's, unless they are the file's. The
-    placement that was taken is `reflector.placement`.
-    Raises: FileError for a file that cannot be read or holds no face; TraceError for another kind of file, or where no face
-    is the chosen one.
+    Parameters
+    ----------
+    path : of the file.
+    face : which faces of a CAD file reflect, on both sides, the others being obstacles: those of a name, be it their own, or
+        else that of their part (product, instance), or else of their layer; that of a number (1 is the first of the file); or
+        those of a colour (red, green, blue, 0 to 255). None for what the file says.
+    normals : of a mesh: "facets", or "interpolated" for the smooth surface that its vertices lie on.
+    index : refractive, of the glass.
+    progress : called with the share of a CAD file's faces that have been read.
+    place : in which coordinates: "file", those of the file, in which a script shoots its rays; "face", mirror coordinates by
+        the face's own frame (`raytrace.seating` has the rules); a `raytrace.Placement`, mirror coordinates as it states them;
+        "auto", as the commands have it: those of the file for one that `mirror-cad build` wrote, "face" for any other. A
+        right-hand mirror of `build` is reflected into mirror coordinates, which are the left-hand one's, unless they are the
+        file's.
+
+    Returns
+    -------
+    Reflector
+        The placement that was taken is its `placement`.
+
+    Raises
+    ------
+    FileError
+        For a file that cannot be read or holds no face.
+    TraceError
+        For another kind of file, and where no face is the chosen one.
     """
     from mirror_cad.own_files import hand_of
     from raytrace.seating import seated
@@ -83,7 +97,17 @@ def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, ind
 
 
 def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
-    """`load_reflector` for a STEP file that has been read already."""
+    """Make the reflector of a STEP file that has been read already, as `load_reflector` does, in the coordinates of the file.
+
+    Parameters
+    ----------
+    file : with its faces.
+    index : refractive, of the glass before a face that reflects from its back.
+
+    Returns
+    -------
+    Reflector
+    """
     from mirror_cad.occt.tessellate import face_mesh, triangulate
 
     named = any(face.name == OPTICAL_FACE for face in file.faces)

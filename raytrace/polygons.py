@@ -26,8 +26,14 @@ MIN_ALIKE = 0.5
 
 
 class Triangles(NamedTuple):
-    """corners (m, 3) : rows of the polygons' corner list.   polygon (m,) : which polygon each triangle is cut from.
-    crossed (c,) : the polygons whose outline crosses itself, for which no cut is right."""
+    """What polygons were cut into.
+
+    Attributes
+    ----------
+    corners : (m, 3), rows of the polygons' corner list.
+    polygon : (m,), which polygon each triangle is cut from.
+    crossed : (c,), the polygons whose outline crosses itself, for which no cut is right.
+    """
 
     corners: Integers
     polygon: Integers
@@ -37,9 +43,21 @@ class Triangles(NamedTuple):
 def triangulated(points: Array, starts: Integers) -> Triangles:
     """Cut polygons into triangles that cover them and nothing else.
 
-    points (k, 3) : the corners of all polygons, one after the other.   starts (p + 1,) : where each polygon's begin.
     Corners on straight sides stay corners. A polygon that is not plane is cut in its projection onto its least-squares plane;
     a hole is an outline that goes in and comes back along a seam. What has fewer than three corners gives no triangle.
+
+    Parameters
+    ----------
+    points : (k, 3), the corners of all polygons, one after the other.
+    starts : (p + 1,), where each polygon's begin, and their end.
+
+    Returns
+    -------
+    Triangles
+
+    References
+    ----------
+    G. H. Meisters, Polygons have ears, 1975: every simple polygon of more than three corners has two ears.
     """
     counts = np.diff(starts)
     if (counts == 3).all():
@@ -66,8 +84,10 @@ def triangulated(points: Array, starts: Integers) -> Triangles:
 
 
 def _convex(points: Array, starts: Integers) -> tuple[NDArray[np.bool_], Array]:
-    """Which polygons a fan from the first corner covers: triangles, and those that turn one way, with no straight angle
-    beside that corner; and twice the vector area of each."""
+    """Which polygons a fan from the first corner covers, and twice the vector area of each, (p, 3).
+
+    Triangles, and those that turn one way, with no straight angle beside that corner.
+    """
     counts = np.diff(starts)
     of = np.repeat(np.arange(len(counts)), counts)
     if len(points) == 0:
@@ -124,8 +144,10 @@ def _same(points: Array, a: int, b: int) -> bool:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _empty(points: Array, after: Integers, a: int, b: int, c: int, straight: float) -> bool:
-    """Whether no other corner that is left lies in the triangle or on its sides; those at its own corners' places are where
-    a seam comes back."""
+    """Whether no other corner that is left lies in the triangle or on its sides.
+
+    Those at the places of its own corners do not count: there a seam comes back.
+    """
     k = after[c]
     while k != a:
         inside = _turn(points, a, b, k) >= -straight and _turn(points, b, c, k) >= -straight \

@@ -74,8 +74,10 @@ class Reflector:
 
     @cached_property
     def untrimmed(self) -> Reflector:
-        """The sheet that a single face was cut from, with the whole front where there is glass, and nothing in the way; of
-        several faces, or a mesh, what reflects."""
+        """The sheet that a single face was cut from, with the whole front where there is glass, and nothing in the way.
+
+        Of several faces, or a mesh, what reflects.
+        """
         return Reflector(self.surface.untrimmed())
 
     @cached_property
@@ -85,7 +87,13 @@ class Reflector:
 
     @property
     def glass(self) -> GlassPlate:
-        """The glass and its reflecting back. Raises: TraceError for what reflects from its front."""
+        """The glass and its reflecting back.
+
+        Raises
+        ------
+        TraceError
+            For what reflects from its front.
+        """
         return self.surface.glass
 
     def moved(self, placement: Placement) -> Reflector:
@@ -96,6 +104,10 @@ class Reflector:
         Parameters
         ----------
         placement : of the mirror in the coordinates of its file.
+
+        Returns
+        -------
+        Reflector
         """
         if placement.is_identity:
             return replace(self, placement=placement)

@@ -55,7 +55,7 @@ MAX_STEPS = 60  # of its iteration, each of which leaves a twentieth of the erro
 
 
 def seated(reflector: Reflector, ours: bool, place: Place = "auto", hand: Hand = "left") -> Reflector:
-    """The reflector of a file in the coordinates that `place` asks for, its placement noted.
+    """Bring the reflector of a file to the coordinates that are asked for, and note its placement.
 
     A right-hand mirror is reflected into the left-hand one's mirror coordinates, unless its file's own are asked for.
 
@@ -63,9 +63,13 @@ def seated(reflector: Reflector, ours: bool, place: Place = "auto", hand: Hand =
     ----------
     reflector : in the coordinates of the file.
     ours : whether our own `build` wrote the file, as `mirror_cad.own_files` tells.
-    hand : of the mirror in the file.
     place : a Placement; "face", its own frame; "file", the file's coordinates as they are; "auto", the latter for our own
         files, which are in mirror coordinates, and the former for all others.
+    hand : of the mirror in the file.
+
+    Returns
+    -------
+    Reflector
 
     Raises
     ------
@@ -84,9 +88,20 @@ def seated(reflector: Reflector, ours: bool, place: Place = "auto", hand: Hand =
 
 
 def place_from(text: str) -> Place:
-    """What a command line says of a placement: auto, face, file, or nine numbers, origin (mm), normal and up.
+    """Read what a command line says of a placement.
 
-    Raises: TraceError for anything else.
+    Parameters
+    ----------
+    text : auto, face, file, or nine numbers: origin (mm of the file), normal and up.
+
+    Returns
+    -------
+    What `seated` takes.
+
+    Raises
+    ------
+    TraceError
+        For anything else.
     """
     said = text.strip()
     if said in ("auto", "face", "file"):
@@ -102,9 +117,21 @@ def place_from(text: str) -> Place:
 
 
 def find_placement(reflector: Reflector) -> Placement:
-    """The frame of the face that reflects, in the coordinates of the reflector; see the module.
+    """Find the frame of the face that reflects; the module says by which rules.
 
-    Raises: TraceError where what reflects has no extent.
+    Parameters
+    ----------
+    reflector : in any coordinates.
+
+    Returns
+    -------
+    Placement
+        In these.
+
+    Raises
+    ------
+    TraceError
+        Where what reflects has no extent.
     """
     samples = reflector.surface.area_samples()
     middle = 0.5 * (samples.points.min(axis=0) + samples.points.max(axis=0))
@@ -129,8 +156,10 @@ def _size(samples: AreaSamples) -> float:
 
 
 def _side(reflector: Reflector, samples: AreaSamples) -> tuple[Array, Mask, AreaSamples]:
-    """The direction (3,), about, in which the mirror looks, which samples are of the side that looks there, and the samples,
-    turned outwards where they were not."""
+    """The direction (3,), about, in which the mirror looks, and which samples are of the side that looks there.
+
+    And the samples, turned outwards where they were not.
+    """
     sizes, total = samples.sizes, samples.areas.sum(axis=0)
     everything = np.ones(len(sizes), dtype=np.bool_)
     if np.linalg.norm(total) >= FACING * sizes.sum():
@@ -201,8 +230,10 @@ def _bulge(samples: AreaSamples, direction: Array) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Face:
-    """What reflects on the chosen side, without obstacles and glass, and the same untrimmed where it is one face; points
-    (n, 3) that its outline and its bulges are among; its size, mm."""
+    """What reflects on the chosen side, without obstacles and glass, and the same untrimmed where it is one face.
+
+    points (n, 3) : its outline and its bulges are among them.   size : mm.
+    """
 
     lead: Reflector
     sheet: Reflector
@@ -286,8 +317,10 @@ def _file_axes(normal: Array) -> tuple[Array, Array]:
 
 
 def _in_plane(points: Array, normal: Array) -> tuple[Complex, float]:
-    """The convex hull of points as seen along a normal, about its centroid, counter-clockwise, the file's up being the
-    imaginary axis; and its area. Nothing and 0 where they lie on a line."""
+    """The convex hull of points as seen along a normal, about its centroid, and its area; nothing and 0 of points on a line.
+
+    Counter-clockwise, the file's up being the imaginary axis.
+    """
     right, up = _file_axes(normal)
     seen = np.stack([points @ right, points @ up], axis=1)
     try:
@@ -302,8 +335,11 @@ def _in_plane(points: Array, normal: Array) -> tuple[Complex, float]:
 
 
 def _fold(hull: Complex, area: float) -> int:
-    """Of which moment, ∫ z^k dA, the argument tells the axes of an outline that is its own mirror image: 2, or 4 where that of
-    2 vanishes, as a square's does; 0 of an outline without such axes, and of a circle, of which every line is one."""
+    """Of which moment, ∫ z^k dA, the argument tells the axes of an outline that is its own mirror image.
+
+    2, or 4 where that of 2 vanishes, as a square's does; 0 of an outline without such axes, and of a circle, of which every
+    line is one.
+    """
     size = float(np.abs(hull).max(initial=0.0))
     for fold in (2, 4):
         moment = _moment(hull, fold)

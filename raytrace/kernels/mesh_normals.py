@@ -25,7 +25,7 @@ MIN_PIVOT = 1e-7
 
 
 def corner_normals(mesh: SurfaceMesh, crease_deg: float = CREASE_DEG) -> Array:
-    """Unit normals at the three corners of every facet, on the side of the facet's own normal.
+    """Estimate the normals of the smooth surface that a mesh stands for, at the three corners of every facet.
 
     At each vertex the surface is taken to be the quadric z = g·p + p·A·p/2 through the vertex that comes closest, with
     weights 1/distance², to its neighbours and theirs; its normal at the vertex has an error of second order in the distance
@@ -34,8 +34,18 @@ def corner_normals(mesh: SurfaceMesh, crease_deg: float = CREASE_DEG) -> Array:
     neighbours. Where the neighbours are too few for a quadric: the mean of the facet normals, weighted by
     sin(angle)/(product of the two sides), which is exact on a sphere.
 
-    Returns: (m, 3, 3) float64; zero for facets without area.
-    Sources: Cazals and Pouget, Estimating differential quantities using polynomial fitting of osculating jets (2005);
+    Parameters
+    ----------
+    mesh : of m facets.
+    crease_deg : degrees.
+
+    Returns
+    -------
+    (m, 3, 3), unit, on the side of the facet's own normal; zero for facets without area.
+
+    References
+    ----------
+    Cazals and Pouget, Estimating differential quantities using polynomial fitting of osculating jets (2005);
     Max, Weights for computing vertex normals from facet normals (1999).
     """
     facet = mesh.facet_normals()
@@ -96,8 +106,10 @@ def _max_weights(mesh: SurfaceMesh) -> Array:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _quadric_normals(start, stop, places, mean, first, neighbours, least_cosine, normals):
-    """The normal of the quadric at the nodes start … stop; `mean` where there is none, or where it turns away from it by a
-    crease."""
+    """The normal of the quadric at the nodes start … stop.
+
+    `mean` where there is none, or where it turns away from it by a crease.
+    """
     for i in range(start, stop):
         near = np.empty(MAX_NEIGHBOURS, dtype=np.int32)
         near[0] = i
@@ -179,9 +191,16 @@ def _quadric_normals(start, stop, places, mean, first, neighbours, least_cosine,
 
 
 def interpolated_normals(corners: Array, triangle: NDArray[np.int32], u: Array, v: Array) -> Array:
-    """Unit normals (1 − u − v)·n0 + u·n1 + v·n2 at hits of `TriangleScene.first_hits`, normalised.
+    """Interpolate normals between the corners of facets: (1 − u − v)·n0 + u·n1 + v·n2 at hits, normalised.
 
-    corners : `corner_normals`.   triangle, u, v : (n,).   Returns: (n, 3) float64; zero where triangle is −1.
+    Parameters
+    ----------
+    corners : (m, 3, 3), as `corner_normals` gives them.
+    triangle, u, v : (n,), as in `raytrace.embree.Hits`.
+
+    Returns
+    -------
+    (n, 3), unit; zero where triangle is −1.
     """
     result = np.empty((len(triangle), 3))
     parallel_for(lambda i, j: _interpolate(corners, triangle[i:j], u[i:j], v[i:j], result[i:j]), len(triangle))

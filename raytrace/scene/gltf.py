@@ -54,8 +54,15 @@ MAX_NODES = 1_000_000  # a tree whose nodes share their children may be walked f
 
 
 class GltfScene(NamedTuple):
-    """The file's triangles, one part a primitive, in its unit of so many metres, y up; the "ground" of its extras; and what
-    is not drawn, in some words each."""
+    """What a glTF file shows.
+
+    Attributes
+    ----------
+    parts : its triangles, one part a primitive, y up, in the file's unit.
+    metres : that unit, m.
+    ground : the "ground" of its extras; None without one.
+    left_out : what is not drawn, in some words each.
+    """
 
     parts: list[Part]
     metres: float
@@ -92,12 +99,27 @@ class _File:
 
 
 def read_gltf(path: Path, load_picture: LoadPicture | None = None) -> GltfScene:
-    """The triangles of the file's scene.
+    """Read the triangles of a glTF file's scene.
 
-    load_picture : bytes and the picture's name → the picture; without it no materials are read, and all parts are white.
     In metres by the standard, whatever extras say; only trimesh writes its numbers as they are and their unit in extras.
-    Raises: FileError for a file that is no glTF 2.0, cut short, or needs what is not read here; for pictures and buffers
-    that are missing.
+
+    Parameters
+    ----------
+    path : of a .gltf or .glb file.
+    load_picture : makes the picture of its bytes and its name; without it no materials are read, and all parts are white.
+
+    Returns
+    -------
+    GltfScene
+
+    Raises
+    ------
+    FileError
+        For a file that is no glTF 2.0, is cut short, or needs what is not read here; for pictures and buffers that are missing.
+
+    References
+    ----------
+    The Khronos Group, glTF 2.0 specification.
     """
     file = _opened(path)
     try:
@@ -307,8 +329,10 @@ def _picture(file: _File, texture: Json, load_picture: LoadPicture) -> Decoded:
 
 
 def _placed(texture: Json) -> tuple[int, Array | None]:
-    """The set of texture coordinates that a texture lies on, and what KHR_texture_transform does to them: offset,
-    counter-clockwise turn and scale as one matrix (2, 3)."""
+    """The set of texture coordinates that a texture lies on, and what is done to them, (2, 3); None for nothing.
+
+    KHR_texture_transform: offset, counter-clockwise turn and scale as one matrix.
+    """
     channel = int(texture.get("texCoord", 0))
     change = texture.get("extensions", {}).get(TRANSFORM)
     if change is None:

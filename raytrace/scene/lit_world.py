@@ -31,7 +31,16 @@ BIN_MM = 4000.0  # contact shadows are looked for in steps of X
 
 
 class Shadows(NamedTuple):
-    """The bodies' contact grids as `shading.contact_shadows` reads them."""
+    """The bodies' contact grids as `shading.contact_shadows` reads them.
+
+    Attributes
+    ----------
+    first, which : the grids over each bin of X, BIN_MM wide: which[first[b]:first[b + 1]].
+    bins_from : X where the first bin begins, mm.
+    frames : (k, 6), of each grid its origin (X, Y), mm, and the two steps as multiples per mm².
+    shapes : (k, 3), where a grid begins in `shares`, and its rows and columns.
+    shares : of the sky that is left, one grid after the other.
+    """
 
     first: NDArray[np.int64]
     which: NDArray[np.int64]
@@ -47,6 +56,7 @@ class Shadows(NamedTuple):
 
     @staticmethod
     def of(bodies: Sequence[Body]) -> Shadows | None:
+        """Those of bodies that have a contact grid; None where none has."""
         grids = [body.contact for body in bodies if body.contact is not None]
         if not grids:
             return None
@@ -73,8 +83,12 @@ class Shadows(NamedTuple):
 class LitWorld:
     """What stands under daylight.
 
-    bodies : in the world's frame, mm.   road : the ground Z = 0; without one there is none, and what is below the horizon
-    shows the daylight's mean ground.   daylight : sky, sun and air.   woods : the skyline.
+    Parameters
+    ----------
+    bodies : in the world's frame, mm.
+    road : the ground Z = 0; without one there is none, and what is below the horizon shows the daylight's mean ground.
+    daylight : sky, sun and air.
+    woods : the skyline; None for none.
     """
 
     bodies: tuple[Body, ...]
@@ -83,13 +97,30 @@ class LitWorld:
     woods: Woods | None = None
 
     def radiance(self, origins: ArrayLike, directions: ArrayLike, spread: ArrayLike) -> Array:
-        """Radiance (n, 3), kcd/m² a channel of linear sRGB, that comes back along rays.
+        """Find the light that comes back along rays; called from several threads at once.
 
-        origins (3,), (1, 3) or (n, 3) mm; directions (n, 3) unit; spread : angular radius of the cone that a ray stands for,
-        one or (n,): what it covers at distance t is averaged over a radius of spread·t.
         Bodies and ground: diffuse light of the sky, dimmed by what the body itself hides, and of the sun, unless anything
-        stands before it; what smooth surfaces mirror, one time. Called from several threads at once.
-        Raises: ValueError for rays as `TriangleScene.first_hits`.
+        stands before it; what smooth surfaces mirror, one time.
+
+        Parameters
+        ----------
+        origins : (3,), (1, 3) or (n, 3), mm.
+        directions : (n, 3), unit.
+        spread : angular radius of the cone that a ray stands for, radians, one or (n,): what it covers at distance t is
+            averaged over a radius of spread·t.
+
+        Returns
+        -------
+        (n, 3), radiance, kcd/m² a channel of linear sRGB.
+
+        Raises
+        ------
+        ValueError
+            For rays as `TriangleScene.first_hits`.
+
+        References
+        ----------
+        docs/derivations/daylight.md
         """
         rays = np.ascontiguousarray(directions, dtype=np.float64)
         starts = np.ascontiguousarray(np.atleast_2d(origins), dtype=np.float64)

@@ -21,8 +21,13 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cones:
-    """How much wider a ray's cone leaves the mirror than it came: `factor` (n, m) on a grid over the box (x_min, x_max,
-    y_min, y_max) of mirror coordinates, x the first index; linear between, held beyond."""
+    """How much wider a ray's cone leaves the mirror than it came.
+
+    Parameters
+    ----------
+    box : (x_min, x_max, y_min, y_max), mm, of mirror coordinates.
+    factor : (n, m), on a grid over the box, x the first index; linear between, held beyond.
+    """
 
     box: Box
     factor: Array
@@ -41,7 +46,14 @@ class MirrorScene:
 
     Rays that the mirror reflects see `world` from where they leave it, dimmed by its reflectance. The others see `beside` from
     the eye: the same world with the mirror's housing, and without the vehicle that the driver sits in.
+
+    Parameters
+    ----------
+    world, beside : in vehicle coordinates.
+    pose : of the mirror on the vehicle.
+    reflectance : of the mirror, 0 … 1.
     spread : half the angle between the rays of neighbouring samples, radians: what a ray stands for.
+    cones : how much wider a reflected ray's is.
     """
 
     world: LitWorld
@@ -52,7 +64,7 @@ class MirrorScene:
     cones: Cones
 
     def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
-        """Add the radiance each ray sees to `sums`, (n // samples, 3) float64: `samples` rays in a row make one sum."""
+        """Add the radiance that each ray sees to sums, as `raytrace.image.Scene.add_colours` has it."""
         n = len(rays)
         origins, ways, spread = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         _onward(trace.status, trace.points, trace.directions, eye, rays, self.pose.rotation, self.pose.offset,

@@ -20,11 +20,17 @@ NORMAL_STEP = 1e-4  # normals closer than this are one: 0.006°
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Triangles of one material, as the file has them.
+    """Triangles of one material, as a file has them; what the file does not have is None.
 
-    vertices (n, 3), faces (m, 3); where the file has them: normals (n, 3) unit, uv (n, 2) with v = 0 at the picture's first
-    row, sky (n,): the share of the surroundings that each vertex sees, colours (n, 4): linear RGB and cover, 0 … 1, that
-    the material's are multiplied by.
+    Parameters
+    ----------
+    vertices : (n, 3).
+    faces : (m, 3).
+    material : of all of them.
+    normals : (n, 3), unit.
+    uv : (n, 2), texture coordinates with v = 0 at the picture's first row.
+    sky : (n,), the share of the surroundings that each vertex sees.
+    colours : (n, 4), linear RGB and cover, 0 … 1, that the material's are multiplied by.
     """
 
     vertices: Array
@@ -37,8 +43,16 @@ class Part:
 
 
 class Joined(NamedTuple):
-    """All parts as one: material (m,) is an index into `materials`; sky is NaN where no part has it; colours are
-    None where none has them."""
+    """All parts as one.
+
+    Attributes
+    ----------
+    vertices, normals, uv, sky : (n, 3), (n, 3), (n, 2) and (n,); NaN where no part has them.
+    faces : (m, 3).
+    material : (m,), an index into `materials`.
+    materials : each once.
+    colours : (n, 4); None where no part has any.
+    """
 
     vertices: Array
     normals: Array
@@ -51,7 +65,16 @@ class Joined(NamedTuple):
 
 
 def joined(parts: Sequence[Part]) -> Joined:
-    """One body of many parts. Where normals are missing they are made anew, with creases where facets turn by over 30°."""
+    """Join many parts to one body. Where normals are missing they are made anew, with creases where facets turn by over 30°.
+
+    Parameters
+    ----------
+    parts : one or more.
+
+    Returns
+    -------
+    Joined
+    """
     whole = [part if part.normals is not None else _with_normals(part) for part in parts]
     materials = list({id(part.material): part.material for part in whole}.values())
     number = {id(material): k for k, material in enumerate(materials)}

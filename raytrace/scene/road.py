@@ -33,7 +33,17 @@ MIN_EXTENT_MM = 0.01  # what a ray covers at least: an edge has no width, the di
 class LaneLine:
     """A line along X, painted from y_mm − width_mm/2 to y_mm + width_mm/2.
 
-    dash_mm : painted length of every period_mm, the first one from X = start_mm on; None for a solid line.
+    Parameters
+    ----------
+    y_mm, width_mm : mm.
+    colour : "white" or "yellow".
+    dash_mm : painted length of every period, mm; None for a solid line.
+    period_mm, start_mm : of the dashes, mm, the first one from X = start_mm on.
+
+    Raises
+    ------
+    SceneError
+        For a width, dash or colour that is none.
     """
 
     y_mm: float
@@ -56,7 +66,18 @@ class LaneLine:
 
 @dataclass(frozen=True)
 class Road:
-    """Asphalt from y_min_mm to y_max_mm all along X, on the ground Z = 0; gravel and grass beyond."""
+    """Asphalt all along X on the ground Z = 0, with gravel and grass beyond.
+
+    Parameters
+    ----------
+    y_min_mm, y_max_mm : the asphalt's edges, mm, in order.
+    lines : painted on it.
+
+    Raises
+    ------
+    SceneError
+        For edges that are not in order.
+    """
 
     y_min_mm: float
     y_max_mm: float
@@ -80,16 +101,29 @@ class Road:
         return np.stack([0.5 * (sides[1:] + sides[:-1]), 0.5 * np.diff(sides)], axis=1)[wide]
 
     def line_share(self, points: Array, extent: Array) -> Array:
-        """Share (n,) of the box that each ray covers which is painted.
+        """Share of the box that each ray covers which is painted.
 
-        points (n, ≥ 2) : X, Y, mm.   extent (n, 2) : half the box along X and Y, mm.
+        Parameters
+        ----------
+        points : (n, ≥ 2), X and Y, mm.
+        extent : (n, 2), half the box along X and Y, mm.
+
+        Returns
+        -------
+        (n,), 0 … 1.
         """
         result = np.empty(len(points))
         _line_shares(points, extent, self.line_table, result)
         return result
 
     def colours(self, points: Array, extent: Array, out: Array) -> None:
-        """Diffuse reflectance, linear sRGB, into `out` (n, 3); points and extent as in `line_share`."""
+        """Write the ground's diffuse reflectance, linear sRGB.
+
+        Parameters
+        ----------
+        points, extent : as in `line_share`.
+        out : (n, 3), what is written.
+        """
         _colours(points, extent, np.array([self.y_min_mm, self.y_max_mm]), self.line_table, self.lane_table, out)
 
 
@@ -160,8 +194,10 @@ def _noise(x: float, y: float, seed: int) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _wave(share: float, x: float, y: float, ex: float, ey: float, length: float, width: float, seed: int) -> float:
-    """Noise up to ±share with waves of `length` along X and `width` along Y, as the mean over the box has it: the standard
-    deviation of a mean over k waves falls with √k. 0 where that leaves less than MIN_SHARE."""
+    """Noise up to ±share with waves of `length` along X and `width` along Y, as the mean over the box has it.
+
+    The standard deviation of a mean over k waves falls with √k. 0 where that leaves less than MIN_SHARE.
+    """
     fade = (1.0 + 2.0 * ex / length) * (1.0 + 2.0 * ey / width)
     if fade * MIN_SHARE * MIN_SHARE > share * share:
         return 0.0

@@ -28,7 +28,13 @@ LIMB = 0.15
 
 
 class Light(NamedTuple):
-    """A Daylight as kernels read it; below_sun (3,): what of `below` the ground owes to the sun's disc."""
+    """A Daylight as kernels read it.
+
+    Attributes
+    ----------
+    table, below, harmonics, sun, sun_irradiance, extinction : as in `Daylight`.
+    below_sun : (3,), what of `below` the ground owes to the sun's disc.
+    """
 
     table: NDArray[np.float32]
     below: Array
@@ -40,6 +46,7 @@ class Light(NamedTuple):
 
     @staticmethod
     def of(daylight: Daylight) -> Light:
+        """That of a Daylight."""
         sun = max(float(daylight.sun[2]), 0.0) * daylight.sun_irradiance
         sky = daylight.irradiance([[0.0, 0.0, 1.0]])[0]
         share = np.divide(sun, sky + sun, out=np.zeros(3), where=sky + sun > 0.0)
@@ -48,8 +55,15 @@ class Light(NamedTuple):
 
 
 class Mesh(NamedTuple):
-    """All bodies' triangles: vertices, normals (n, 3), uv (n, 2), sky (n,), faces (m, 3), material (m,), and per_mm (m,): how
-    far (u, v) goes a millimetre."""
+    """All bodies' triangles.
+
+    Attributes
+    ----------
+    vertices, normals, uv, sky : (n, 3), (n, 3), (n, 2) and (n,), as in `raytrace.scene.parts.Part`.
+    faces : (m, 3).
+    material : (m,).
+    per_mm : (m,), how far (u, v) goes a millimetre.
+    """
 
     vertices: Array
     normals: Array
@@ -61,13 +75,21 @@ class Mesh(NamedTuple):
 
 
 class SurfaceInteraction(NamedTuple):
-    """Where rays meet the ground or a body: n places, those on the ground first.
+    """Where rays meet the ground or a body: n points, those on the ground first.
 
-    ray (n,) : the ray's row.   point, normal (n, 3) : the normal on the ray's side.   start (n, 3) : where rays from here
-    begin, clear of the surface.   distance, radius (n,) : from the ray's start, and of what it covers across itself.
-    extent (n, 2) : half of what it covers on the ground along X and Y.   sky (n,), material (n,), uv (n, 2), covered (n,) in
-    u and v : of bodies; on the ground sky is 1.   foot (n, 2), ground (n,) : where on the ground light from below comes from,
-    and how much of the sky it gets; 1 at first.   to_sun (n,) : cosine towards the sun.
+    Attributes
+    ----------
+    ray : (n,), the ray's row.
+    point, normal : (n, 3), mm and unit, the normal on the ray's side.
+    start : (n, 3), mm, where rays from here begin, clear of the surface.
+    distance, radius : (n,), mm, from the ray's start, and of what it covers across itself.
+    extent : (n, 2), mm, half of what it covers on the ground along X and Y.
+    sky : (n,), the share of it that a body leaves to be seen; 1 on the ground.
+    material, uv : (n,) and (n, 2), of bodies.
+    covered : (n,), in u and v, of bodies.
+    foot : (n, 2), mm, where on the ground light from below comes from.
+    ground : (n,), how much of the sky that ground gets; 1 at first.
+    to_sun : (n,), cosine towards the sun.
     """
 
     ray: NDArray[np.int32]
@@ -87,22 +109,36 @@ class SurfaceInteraction(NamedTuple):
 
     @staticmethod
     def empty(n: int) -> SurfaceInteraction:
+        """Arrays for n points."""
         return SurfaceInteraction(
             np.empty(n, dtype=np.int32), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n),
             np.empty((n, 2)), np.empty(n), np.empty(n, dtype=np.int32), np.empty((n, 2)), np.empty(n), np.empty((n, 2)),
             np.ones(n), np.empty(n))
 
     def rows(self, part: slice) -> SurfaceInteraction:
+        """Those of a slice, in the same memory."""
         return SurfaceInteraction(*(values[part] for values in self))  # type: ignore[arg-type]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are
 def places(origins: Array, directions: Array, spread: Array, radius: Array, distance: Array, triangle: NDArray[np.int32],
            u: Array, v: Array, mesh: Mesh, sun: Array, ground: bool, lift: float, out: SurfaceInteraction) -> tuple[int, int]:
-    """Fill `out` with what the rays meet; returns how many places are on the ground and how many in all.
+    """Find the points that rays meet, on the ground and on bodies.
 
-    spread, radius (n,) : a ray covers radius + spread·t across at distance t.   distance … v : hits of the bodies.
+    Parameters
+    ----------
+    origins, directions : (1, 3) or (n, 3), mm, and (n, 3), unit.
+    spread, radius : (n,): a ray covers radius + spread·t across, mm, at distance t.
+    distance, triangle, u, v : (n,), hits of the bodies, as in `raytrace.embree.Hits`.
+    mesh : the bodies.
+    sun : (3,), unit, towards it.
+    ground : whether there is any, Z = 0.
     lift : mm off the surface that rays from it start at.
+    out : what is written.
+
+    Returns
+    -------
+    on_ground, count : how many points are on the ground, and how many in all.
     """
     count = directions.shape[0]
     one = origins.shape[0] == 1
@@ -204,10 +240,14 @@ def _body_place(n: int, o: Array, d: Array, t: float, f: int, u: float, v: float
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def contact_shadows(points: Array, first: NDArray[np.int64], which: NDArray[np.int64], bins_from: float, bin_size: float,
                     frames: Array, shapes: NDArray[np.int64], shares: Array, sky: Array) -> None:
-    """Multiply `sky` (n,) by the shares of the grids that lie over each ground point.
+    """Multiply shares of the sky by those of the grids that lie over each ground point, bilinear between their nodes.
 
-    Bodies near X: which[first[b]:first[b + 1]] for bin b. frames (k, 6): origin and the two steps as multiples per mm²;
-    shapes (k, 3): offset into shares, nx, ny.
+    Parameters
+    ----------
+    points : (n, ≥ 2), mm.
+    first, which, bins_from, frames, shapes, shares : as in `raytrace.scene.lit_world.Shadows`.
+    bin_size : of the bins, mm.
+    sky : (n,), what is multiplied.
     """
     bins = first.size - 1
     for n in range(points.shape[0]):
@@ -241,7 +281,16 @@ def _sky_at(table: NDArray[np.float32], x: float, y: float, z: float, c: int) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def surroundings(directions: Array, spread: Array, light: Light, disc: bool, out: Array) -> None:
-    """Radiance (n, 3) of sky and ground without a thing before them; `disc`: with the sun's."""
+    """Write the radiance of sky and ground without a thing before them.
+
+    Parameters
+    ----------
+    directions : (n, 3), unit.
+    spread : (n,), radians, that the sun's edge is softened by.
+    light : of sky and sun.
+    disc : whether with the sun's.
+    out : (n, 3), radiance, kcd/m² a channel.
+    """
     for n in range(directions.shape[0]):
         x, y, z = directions[n, 0], directions[n, 1], directions[n, 2]
         for c in range(3):
@@ -263,7 +312,14 @@ def surroundings(directions: Array, spread: Array, light: Light, disc: bool, out
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def mirrored(found: SurfaceInteraction, directions: Array, out: Array) -> None:
-    """Mirror directions d − 2·(n·d)·n at the places, (n, 3)."""
+    """Write the mirror directions d − 2·(n·d)·n at points, unit.
+
+    Parameters
+    ----------
+    found : the points.
+    directions : (m, 3), of the rays that met them.
+    out : (n, 3), what is written.
+    """
     for k in range(found.ray.size):
         d = directions[found.ray[k]]
         x, y, z = found.normal[k, 0], found.normal[k, 1], found.normal[k, 2]
@@ -283,11 +339,24 @@ def _irradiance(h: Array, x: float, y: float, z: float, c: int) -> float:
 def shade(found: SurfaceInteraction, directions: Array, diffuse: Array, lit: NDArray[np.bool_], on_ground: int, specular: Array,
           roughness: Array, bounce: Array, image: Array, traced: NDArray[np.bool_], light: Light, least_slopes: float,
           out: Array) -> None:
-    """Write the radiance that each place sends along its ray, seen through the air, into `out` at the ray's row.
+    """Write the radiance that each point sends along its ray, seen through the air, at the ray's row.
 
-    lit (n,) : whether the sun's disc is seen.   specular (k, 3), roughness (k,) : of materials.
-    bounce (n − on_ground, 3), image, traced : of the places on bodies: the mirror direction, the radiance there, and whether
-    that is of what stands there (then nothing else hides it).   least_slopes : of the sun's highlight.
+    Parameters
+    ----------
+    found : n points, of which the first `on_ground` are on the ground.
+    directions : (m, 3), unit, of the rays.
+    diffuse : (n, 3), reflectance of the points.
+    lit : (n,), whether the sun's disc is seen.
+    specular, roughness : (k, 3) and (k,), of materials.
+    bounce, image, traced : (n − on_ground, 3), (…, 3) and (…), of the points on bodies: the mirror direction, the radiance
+        there, and whether that is of what stands there (then nothing else hides it).
+    light : of sky and sun.
+    least_slopes : GGX width of the sun's highlight, at least.
+    out : (m, 3), radiance, kcd/m² a channel.
+
+    References
+    ----------
+    docs/derivations/daylight.md; Lagarde and de Rousiers 2014; Walter et al. 2007.
     """
     for k in range(found.ray.size):
         nx, ny, nz = found.normal[k, 0], found.normal[k, 1], found.normal[k, 2]
