@@ -97,13 +97,14 @@ def test_dragging_a_slider_bends_the_road_while_it_is_dragged(page: Page) -> Non
     start_x = box["x"] + 6 + (box["width"] - 12) * (1350 - 20) / (3000 - 20)
     page.mouse.move(start_x, box["y"] + box["height"] / 2)
     page.mouse.down()
-    seen = 0
-    for i in range(1, 16):
-        page.mouse.move(start_x + i, box["y"] + box["height"] / 2)
+    seen = moves = 0
+    while moves < 15 or seen < 2:  # pictures come before the hand lets go, however slow the machine is
+        moves += 1
+        assert moves < 500
+        page.mouse.move(start_x + min(moves, 15) + moves % 2, box["y"] + box["height"] / 2)
         page.wait_for_timeout(60)
         if revision(page) > before:
             seen, before = seen + 1, revision(page)
-    assert seen >= 2  # pictures came before the hand let go
     page.mouse.up()
     settled(page)
     assert key(page, "vertical.left_mm") > 1500
@@ -184,6 +185,11 @@ def test_pinned_design_stays_beside_the_new_one_and_swaps(page: Page) -> None:
     expect(cell).to_have_text("40.91")
     assert page.locator("#figures tr.change td >> nth=4").inner_text()[0] in "+−"
     page.locator('input[name="limits.lane_straightness_percent.1"]').fill("10")
+    expect(page.locator("#figures tr.verdict td >> nth=4")).to_contain_text("fail")
+    straightness = figure(page, "straightness")
+    most = f"{straightness - 2e-6:.6f}"  # to two decimals the same: the miss is seen in more
+    page.locator('input[name="limits.lane_straightness_percent.1"]').fill(most)
+    page.wait_for_function(f"Number(document.querySelector('[data-testid=straightness]').textContent) > {most}", timeout=SOON)
     expect(page.locator("#figures tr.verdict td >> nth=4")).to_contain_text("fail")
     page.locator('input[name="limits.lane_straightness_percent.1"]').fill("60")
     expect(page.locator("#figures tr.verdict td >> nth=4")).to_contain_text("pass")

@@ -4,7 +4,7 @@ import { el } from "./dom.js";
 import { LIMITS, limitOf, setLimit } from "./state.js";
 import { fixed } from "./numbers.js";
 
-const deg = (v) => fixed(v, 2), pct = deg, mm = (v) => fixed(v, 0);
+const deg = (v, more = 0) => fixed(v, 2 + more), pct = deg, mm = (v, more = 0) => fixed(v, more);
 
 export const FIGURES = [
   { id: "h-fov", label: "H-FOV, section", unit: "°", of: (a) => a.figures.h_fov_deg.section, show: deg,
@@ -42,6 +42,15 @@ const OF_THE_PLANE = ["h-fov-traced", "v-fov-traced", "rx-smallest", "ry-smalles
 function say(cell, text, kind = "") {
   if (cell.textContent !== text) cell.textContent = text;
   if (cell.className !== kind) cell.className = kind;
+}
+
+const misses = (value, [least, most]) => (least !== null && value < least) || (most !== null && value > most);
+
+// A value that misses its limit is shown in digits that show the miss: 45.504 beside "at most 45.5".
+function telling(value, pair, show) {
+  let more = 0;
+  if (pair && misses(value, pair)) while (more < 14 && !misses(Number(show(value, more).replace("−", "-")), pair)) more += 1;
+  return show(value, more);
 }
 
 const signed = (text) => (text.startsWith("−") ? text : Number(text) === 0 ? `±${text}` : `+${text}`);
@@ -126,18 +135,18 @@ export class Figures {
       if (fine && !stale) this.last[id] = now;
       const value = stale ? this.last[id] : now;
       const was = pinned ? of(pinned) : null;
-      const text = (v) => (v === null || v === undefined ? "–" : show(v));
+      const pair = limitOf(this.store.now, id);
+      const text = (v, limits) => (v === null || v === undefined ? "–" : telling(v, limits, show));
       cell("now").dataset.value = value ?? "";
-      say(cell("now"), text(value), stale ? "stale" : "");
+      say(cell("now"), text(value, pair), stale ? "stale" : "");
       say(cell("pinned"), pinned ? text(was) : "");
       const change = typeof value === "number" && typeof was === "number" ? value - was : null;
       say(cell("change"), change === null ? "" : signed(show(change)));
-      const pair = limitOf(this.store.now, id);
       cell("limit").inputs.forEach((input, i) => {
         const wanted = String(pair?.[i] ?? "");
         if (input !== this.typed && input.value !== wanted) input.value = wanted;
       });
-      const failed = pair && (typeof value !== "number" || (pair[0] !== null && value < pair[0]) || (pair[1] !== null && value > pair[1]));
+      const failed = pair && (typeof value !== "number" || misses(value, pair));
       say(cell("verdict"), !pair ? "" : failed ? "✗ fail" : "✓ pass", !pair ? "" : failed ? "fail" : "pass");
     }
   }
