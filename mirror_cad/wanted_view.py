@@ -112,6 +112,9 @@ class StraightVerticals:
 class TableView:
     """Azimuth and elevation at the nodes of a grid, smooth between and straight on beyond.
 
+    Beyond, with (x₀, y₀) the nearest place of the grid: S + S_x·(x − x₀) + S_y·(y − y₀) + S_xy·(x − x₀)(y − y₀), which has no
+    crease anywhere.
+
     x (m,), y (n,) mm, rising.   azimuth, elevation (m, n) radians.
     """
 
@@ -134,8 +137,10 @@ class TableView:
         inside_x, inside_y = np.clip(x, self.x[0], self.x[-1]), np.clip(y, self.y[0], self.y[-1])
         at = np.stack([inside_x, inside_y], axis=-1)
         spline = self._splines
-        by_x, by_y = spline(at, nu=(1, 0)), spline(at, nu=(0, 1))
-        angle = spline(at) + by_x * (x - inside_x)[..., None] + by_y * (y - inside_y)[..., None]
+        beyond_x, beyond_y = (x - inside_x)[..., None], (y - inside_y)[..., None]
+        slope_x, slope_y, twist = spline(at, nu=(1, 0)), spline(at, nu=(0, 1)), spline(at, nu=(1, 1))
+        by_x, by_y = slope_x + twist * beyond_y, slope_y + twist * beyond_x
+        angle = spline(at) + slope_x * beyond_x + by_y * beyond_y
         tangent = np.tan(angle)
         stretch = 1.0 + tangent**2
         by_x, by_y = by_x * stretch, by_y * stretch

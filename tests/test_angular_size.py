@@ -163,6 +163,23 @@ def test_the_affine_map_is_the_one_with_the_least_squares() -> None:
     assert 0.0 < found.rms_percent < 100.0
 
 
+def test_percent_are_of_the_diagonal_under_which_the_nodes_that_are_shown_are_seen() -> None:
+    """Of a picture on the plane across the eye's direction to the mirror's middle, its sides level and upright."""
+    view = View(spline("progressive-c"), POSE, EYE)
+    found = grid_distortion(view)
+    middle = view.pose.to_vehicle(np.zeros(3))
+    ahead = (middle - EYE) / np.linalg.norm(middle - EYE)
+    level = np.array([ahead[1], -ahead[0], 0.0]) / np.hypot(ahead[0], ahead[1])
+    seen = view.pose.to_vehicle(np.concatenate([found.places[found.shown], np.zeros((found.shown.sum(), 1))], axis=1)) - EYE
+    upright = np.cross(level, ahead)
+    across, up = seen @ level / (seen @ ahead), seen @ upright / (seen @ ahead)
+    diagonal = 60.0 * np.degrees(2.0 * np.arctan(0.5 * np.hypot(np.ptp(across), np.ptp(up))))
+    assert found.rms_arcmin is not None
+    assert found.max_arcmin is not None
+    assert found.rms_percent == pytest.approx(100.0 * found.rms_arcmin / diagonal, rel=1e-9)
+    assert found.max_percent == pytest.approx(100.0 * found.max_arcmin / diagonal, rel=1e-9)
+
+
 def test_a_sphere_distorts_less_the_smaller_it_is_and_the_right_hand_mirror_as_much_as_the_left() -> None:
     rms = [grid_distortion(View(_cap(half), POSE, EYE), 0.5).rms_percent or 0.0 for half in (100.0, 50.0)]
     assert 0.1 < rms[1] / rms[0] < 0.6  # coma-like terms vanish with the field, others with its square
