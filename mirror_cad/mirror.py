@@ -23,6 +23,7 @@ from mirror_cad.laws.matched import with_solved
 from mirror_cad.laws.matching import solve_match
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline, truck_outline
+from mirror_cad.outline.transition import TRANSITION_LINE, TransitionLine, transition_line
 from mirror_cad.profile import (
     Profile,
     check_profile,
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     import cadquery
 
     from mirror_cad.occt.solid import Plate
+    from mirror_cad.occt.step import Part
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -150,6 +152,12 @@ class Mirror:
                        reflected=True)
 
     @cached_property
+    def transition(self) -> TransitionLine | None:
+        """The line that parts the aspheric part from the main part, across this outline; None without one."""
+        x = self.spec.part.transition_mm
+        return None if x is None else transition_line(self.outline, -x if self.reflected else x)
+
+    @cached_property
     def plate(self) -> Plate:
         """The solid with its optical face, area and volume. Raises: SolidError."""
         from mirror_cad.occt.solid import plate
@@ -208,7 +216,8 @@ class Mirror:
         faces = {OPTICAL_FACE: plate.optical}
         if self.spec.glass.reflecting == "back":
             faces[FRONT_FACE] = plate.front_face
-        write_step(Path(path), [Part(plate.solid, name, GLASS_COLOUR, faces)], name, self.spec.part.hand)
+        parts = [Part(plate.solid, name, GLASS_COLOUR, faces), *self.as_made._transition_part()]
+        write_step(Path(path), parts, name, self.spec.part.hand)
 
     def export_surface_step(self, path: str | Path) -> None:
         """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire.
@@ -229,8 +238,18 @@ class Mirror:
         made, name = self.as_made, f"{self.spec.name}-surface"
         shell, face = sheet(made.surface, made.sheet_box())
         parts = [Part(shell, name, OPTICAL_COLOUR, {OPTICAL_FACE: face}),
-                 Part(outer_wire(made.plate.optical), TRIM_CURVE)]
+                 Part(outer_wire(made.plate.optical), TRIM_CURVE), *made._transition_part()]
         write_step(Path(path), parts, name, self.spec.part.hand)
+
+    def _transition_part(self) -> list[Part]:
+        """The transition line as a curve on the optical face, for a STEP file; nothing without one."""
+        line = self.transition
+        if line is None:
+            return []
+        from mirror_cad.occt.solid import upright_curve
+        from mirror_cad.occt.step import Part
+
+        return [Part(upright_curve(self.surface, line.x_mm, line.low_mm, line.high_mm), TRANSITION_LINE)]
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
         """Write the plate as binary STL, no facet farther than the deflection from its face.
@@ -369,6 +388,8 @@ def design(spec: MirrorSpec) -> Mirror:
     """
     outline, read_notes = _outline(spec)
     box = outline.bounding_box()
+    if spec.part.transition_mm is not None:
+        transition_line(outline, spec.part.transition_mm)  # which refuses one that parts nothing, before the mirror is made
     if spec.target is not None:
         return _design_from_view(spec, spec.target, outline, read_notes)
     laws = _laws(spec, box)

@@ -86,6 +86,10 @@ def metrics_as_json(metrics: Metrics) -> JsonObject:
         del content["methods"]
     if metrics.limits:
         content["limits"] = requirements_as_json(metrics.limits)
+    if metrics.rules is not None:
+        rule = metrics.rules.rule
+        content["rules"] = {"rule": rule.rule, "edition": rule.edition, "class": metrics.rules.class_name,
+                            "lines": [line.as_json() for line in metrics.rules.lines]}
     return content
 
 

@@ -220,7 +220,8 @@ def photograph(scene: str = "motorway", /, *, out: Out = None, json: Json = Fals
 
 @app.command
 def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(name="--class")] = None,
-          vehicle: str | None = None, leg_mm: float | None = None, reflectance_percent: float | None = None,
+          vehicle: str | None = None, leg_mm: float | None = None, transition_mm: float | None = None,
+          reflectance_percent: float | None = None, reflectance_night_percent: float | None = None,
           place: PlaceText = "auto", out: Out = None, pdf: Pdf = False, json: Json = False) -> int:
     """Set what a rule of the road asks of a mirror beside what is measured of it, line by line; the official text decides.
 
@@ -236,8 +237,10 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
         A scene's name or TOML file with the driver's eyes: fields of vision are measured on it, and left open without it.
     leg_mm
         Between the spherometer's outer feet; without it, what the rule's file has.
-    reflectance_percent
-        As measured by the mirror's maker.
+    transition_mm
+        x of the line beyond which, outboard, an aspheric part lies, in mirror coordinates.
+    reflectance_percent, reflectance_night_percent
+        As measured by the mirror's maker, by day and in the night position.
     place
         Where the mirror is in its file, as for `trace`.
     """
@@ -247,11 +250,13 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
         check_pdf()
     from mirror_studio.progress import Progress
+    from mirror_studio.rules.measuring import Told
     from mirror_studio.rules.run import Asked
     from mirror_studio.rules.run import rules as run
     from raytrace.seating import place_from
 
-    asked = Asked(mirror, rule, class_, vehicle, leg_mm, place_from(place), reflectance_percent)
+    asked = Asked(mirror, rule, class_, vehicle, leg_mm, place_from(place),
+                  Told(reflectance_percent, reflectance_night_percent, transition_mm))
     content, missed = run(asked, out or Path("exports") / f"{Path(mirror).stem}-rules", Progress(), pdf)
     return _finish(content, missed, json)
 

@@ -21,7 +21,7 @@ def missed_in_words(rows: Sequence[Requirement]) -> tuple[str, ...]:
 def _sentence(row: Requirement) -> str:
     limit = f"{plain(row.limit or 0.0)} {row.unit}".strip()
     actual = "not to be measured" if math.isnan(row.actual) else _plain_spaces(actual_in_words(row, sign=row.group == "part"))
-    if row.group == "view":
+    if row.group in ("view", "rules") and row.side != "size":
         return f"{row.name}: {actual}, asked for: at {row.side} {limit}"
     where = "" if row.point is None else f" at ({row.point[0]:.1f}, {row.point[1]:.1f}) mm"
     return f"{row.name}: {actual}{where}, the {'limit' if row.group == 'part' else 'tolerance'} is {limit}"

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from mirror_studio.rules.measuring import Radii
+from mirror_studio.rules.radii import Radii
 from mirror_studio.rules.spherometer import ReadingError, radius_of, read_surface, reading_error, readings, stands_at, turned
 from mirror_studio.rules.verdicts import RuleLine, judged
 from tests.rule_mirrors import cylinder, measured, plane, sphere, torus

@@ -159,6 +159,12 @@ def outer_wire(face: TopoDS_Face) -> TopoDS_Wire:
     return BRepTools.OuterWire_s(face)
 
 
+def upright_curve(surface: BSplineSurface, u: float, v_low: float, v_high: float) -> TopoDS_Wire:
+    """The curve u = const of a surface between two v, exactly: its isoparametric B-spline, as a wire of one edge."""
+    edge = BRepBuilderAPI_MakeEdge(to_geom_surface(surface).UIso(u), v_low, v_high).Edge()
+    return BRepBuilderAPI_MakeWire(edge).Wire()
+
+
 def _edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
     explorer = BRepTools_WireExplorer(outer_wire(face), face)
     edges = []

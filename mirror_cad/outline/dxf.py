@@ -21,6 +21,7 @@ from mirror_cad.outline.options import FILE_JOIN_TOLERANCE_MM
 from mirror_cad.outline.pieces import Piece, elliptic_arc
 from mirror_cad.outline.record import Outline
 from mirror_cad.outline.segments import Arc, Line, Segment, Spline, arc_between
+from mirror_cad.outline.transition import TRANSITION_LAYER, TransitionLine
 
 _MM_PER_UNIT = {
     0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 25.4e-3, 10: 914.4, 13: 1e-3, 14: 100.0
@@ -192,7 +193,7 @@ def _clamped_spline(degree: int, knots: FloatArray, poles: FloatArray, weights: 
     return Spline(p, clamped, columns[:, :2] / columns[:, 2:], None if weights is None else columns[:, 2])
 
 
-def write_dxf(outline: Outline, path: str | os.PathLike[str]) -> None:
+def write_dxf(outline: Outline, path: str | os.PathLike[str], transition: TransitionLine | None = None) -> None:
     """Write an outline to a DXF file: R2010, mm ($INSUNITS = 4), LINE, ARC, CIRCLE and SPLINE on the layer OUTLINE.
 
     `read_outline` reads the same curve back to rounding; a full circle then starts at its rightmost point. When the environment
@@ -205,6 +206,8 @@ def write_dxf(outline: Outline, path: str | os.PathLike[str]) -> None:
         What to write.
     path : str or path
         Of the file.
+    transition : TransitionLine, optional
+        Where an aspheric part begins: a LINE on the layer TRANSITION, which `read_outline` leaves out.
 
     Raises
     ------
@@ -244,6 +247,10 @@ def write_dxf(outline: Outline, path: str | os.PathLike[str]) -> None:
                 angles = sorted([segment.start_angle, segment.start_angle + segment.sweep])
                 first, last = (math.degrees(angle) % 360.0 for angle in angles)
                 space.add_arc(segment.centre, segment.radius_mm, first, last, dxfattribs=layer)
+        if transition is not None:
+            document.layers.add(TRANSITION_LAYER)
+            ends = [(transition.x_mm, y) for y in (transition.low_mm, transition.high_mm)]
+            space.add_line(*ends, {"layer": TRANSITION_LAYER})
         # Writing adds classes in the order of a set, which differs from process to process: here they are in order already.
         for name in sorted({entity.dxftype() for entity in document.entitydb.values()}):
             document.classes.add_class(name)

@@ -15,6 +15,7 @@ from ezdxf.document import Drawing
 from ezdxf.entities import DXFEntity, Insert
 
 from mirror_cad.errors import OutlineError
+from mirror_cad.outline.transition import TRANSITION_LAYER
 
 _ANNOTATIONS = {
     "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "POINT", "LEADER", "MULTILEADER",
@@ -98,9 +99,9 @@ def drawn_entities(document: Drawing, file: Path, layer: str | None, notes: list
     """What is drawn in the model space, blocks taken apart, on one layer or on all that are seen.
 
     Left out, with a note of how many and why: what is on a layer that is off, frozen or never plotted (Defpoints and those
-    with the plot flag off), what is invisible itself, and endless lines, fillings and pictures. A layer that is asked for
-    counts even where it is hidden. Inside a block the layer 0 is that of the insert; an insert on a frozen layer is not
-    drawn with all that is in it.
+    with the plot flag off), what is invisible itself, a transition line on its layer, and endless lines, fillings and pictures.
+    A layer that is asked for counts even where it is hidden. Inside a block the layer 0 is that of the insert; an insert on a
+    frozen layer is not drawn with all that is in it.
 
     Raises `OutlineError` for a layer that does not exist, a block that is missing or stands for another file.
     """
@@ -138,6 +139,8 @@ def drawn_entities(document: Drawing, file: Path, layer: str | None, notes: list
             left_out[f"on the layer {printable(own)!r}, which is {why}"] += 1
         elif layer is not None and own.casefold() != layer.casefold():
             other_layers += 1
+        elif layer is None and own == TRANSITION_LAYER:
+            left_out[f"on the layer {own!r}, a line on the mirror and no piece of its outline"] += 1
         elif kind in _NO_CURVES:
             left_out[f"{kind}, which is no piece of an outline"] += 1
         else:

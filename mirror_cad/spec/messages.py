@@ -147,7 +147,7 @@ def _range(keys: list[Any], raw: dict[str, Any], context: dict[str, Any], root: 
 
 def _unknown_key(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> str:
     model, key = _model_at([key for key in keys[:-1] if not isinstance(key, int)] + keys[-1:], raw, root), str(keys[-1])
-    own = list(model.model_fields) if model else []
+    own = [field.alias or name for name, field in model.model_fields.items()] if model else []
     if _is_law(keys[0], root) and len(keys) == 2:
         if keys[0] == "vertical" and key in Law.horizontal_only:
             return "this key belongs to [horizontal]: the vertical law runs over the same t"

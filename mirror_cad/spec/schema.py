@@ -28,6 +28,7 @@ from mirror_cad.laws.unstated import Unstated
 from mirror_cad.limits import limit_units
 from mirror_cad.outline.options import AS_DRAWN, FILE_JOIN_TOLERANCE_MM, LARGEST_JOIN_MM, FileOptions
 from mirror_cad.spec.law_section import horizontal_law, vertical_law
+from mirror_cad.spec.rules_section import RulesSection
 from mirror_cad.spec.target import Target
 
 # Characters of a part's number or revision, and of its title: what a line of the report's head holds.
@@ -144,6 +145,8 @@ class PartSpec(Section):
 
     number, revision : “none stated” without one.   hand : the side of the vehicle. Laws, outline and eye are always those of
     the left-hand mirror, whose driver sits on its right; the files of a right-hand one hold its reflection in x = 0.
+    transition_mm : x of the line that parts an aspheric part, outboard of it, from the main part: a curve in the STEP files and
+    in the drawing, and what the rules of the road tell the two apart by.
     """
 
     number: Annotated[str | None, Shown("Number", help="Of the drawing: “none stated” without one")] = None
@@ -152,6 +155,9 @@ class PartSpec(Section):
                     Shown("Hand", words=(("left", "left-hand"), ("right", "right-hand")),
                           help="The files of a right-hand mirror are the reflection of what the laws say")] = "left"
     title: Annotated[str | None, Shown("Title")] = None
+    transition_mm: Annotated[Coordinate | None,
+                             Shown("Transition line", -300.0, 300.0, 1.0, 2, start=0.0,
+                                   help="x of the line beyond which, outboard, the aspheric part lies")] = None
 
     @field_validator("number", "revision", "title", mode="after")
     @classmethod
@@ -277,6 +283,7 @@ class MirrorSpec(Section):
     surface: SurfaceSpec = SurfaceSpec()
     target: Annotated[Target | None, ELSEWHERE] = None
     part: PartSpec = PartSpec()
+    rules: Annotated[RulesSection | None, ELSEWHERE] = None
     limits: Limits = Limits()
     eye: Eye = Eye()
     scene: SceneSpec = SceneSpec()
@@ -314,6 +321,13 @@ class MirrorSpec(Section):
     def _picture_beside_the_spec(cls, section: SceneSpec, info: ValidationInfo) -> SceneSpec:
         return section if section.image == "road" else section.model_copy(update={"image": _beside(section.image, info)})
 
+    @field_validator("rules", mode="after")
+    @classmethod
+    def _rule_beside_the_spec(cls, section: RulesSection | None, info: ValidationInfo) -> RulesSection | None:
+        if section is None or not section.rule.endswith(".toml"):
+            return section
+        return section.model_copy(update={"rule": _beside(section.rule, info)})
+
     @model_validator(mode="after")
     def _fits(self) -> MirrorSpec:
         faults = self._faults_of_view()
@@ -330,6 +344,9 @@ class MirrorSpec(Section):
             faults.append("surface.method = \"sphere\" needs two constant laws of one radius, but Rx is "
                           f"{self.horizontal.in_words()} and Ry is {self.vertical.in_words()}: give both law = \"constant\" "
                           "with the same radius_mm, or take method = \"decoupled\" or \"faithful\", which take any two laws")
+        if self.surface.method == "sphere" and self.part.transition_mm is not None:
+            faults.append(f"part.transition_mm = {self.part.transition_mm:g} marks where an aspheric part begins, and "
+                          "surface.method = \"sphere\" makes none")
         if faults:
             raise ValueError("; ".join(faults))
         return self

@@ -10,7 +10,7 @@ from scipy.interpolate import NdBSpline
 
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.shapes import solids_of
+from mirror_cad.occt.shapes import free_curves_of, solids_of
 from mirror_cad.occt.solid import is_valid, volume
 from mirror_cad.occt.step import FRONT_FACE, OPTICAL_FACE, StepFile, read_step
 from mirror_cad.outline.files import read_outline
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 SAME_MM = 1e-9
 # The volume of the plate, by the kernel's own integration before and after: relative.
 SAME_VOLUME = 1e-9
+CURVE_POINTS = 33  # of a transition line, that are compared
 
 
 def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, StepCheck]:
@@ -55,12 +56,27 @@ def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, StepCheck]:
         for what, distance in ((f"the {name}", off), ("the Part 21 text", off_text)):
             if not distance <= SAME_MM:
                 raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
+    check_transition(path, read, mirror)
     return read, StepCheck(off, off_text, change)
+
+
+def check_transition(path: Path, read: StepFile, mirror: Mirror) -> None:
+    """Raises: WriteError where the file's transition line is not the design's, on the surface from edge to edge."""
+    line = mirror.transition
+    if line is None:
+        return
+    meant = mirror.surface.evaluate(line.x_mm, np.linspace(line.low_mm, line.high_mm, CURVE_POINTS))
+    curves = [curve for curve in free_curves_of(read.shape, CURVE_POINTS) if np.ptp(curve[:, 0]) <= SAME_MM]
+    off = min((float(np.abs(curve - meant).max()) for curve in curves), default=np.inf)
+    if not off <= SAME_MM:
+        raise WriteError(f"{path.name}: the transition line reads back {off:.2g} mm off (at most {SAME_MM:g})")
 
 
 def check_surface_step(path: Path, mirror: Mirror) -> float:
     """How far the untrimmed sheet is from the design over its whole box, mm. Raises: WriteError where it differs."""
-    surface = _named_surface(path, read_step(path), OPTICAL_FACE)
+    read = read_step(path)
+    check_transition(path, read, mirror)
+    surface = _named_surface(path, read, OPTICAL_FACE)
     box = mirror.sheet_box()
     if not np.allclose(surface.domain, box, rtol=0, atol=SAME_MM):
         raise WriteError(f"{path.name}: the sheet reads back over {surface.domain}, not {box}")

@@ -49,6 +49,7 @@ from mirror_studio.build.results import (
 )
 from mirror_studio.build.wanted import target_figures
 from mirror_studio.progress import Progress
+from mirror_studio.rules.of_spec import rule_of_spec, surface_lines
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
 from raytrace.image import photograph
@@ -90,6 +91,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     """Make the files of one mirror in an existing empty folder; the report as PDF too where asked for."""
     name = spec.name
     picture = load_picture(spec.scene.image)
+    rule_of_spec(spec)  # which refuses one that there is not
     # What brings the kernel: a trace, whose file a child process reads, does without.
     from mirror_cad.occt.tessellate import read_stl
 
@@ -143,7 +145,7 @@ def _write_and_check(folder: Path, mirror: Mirror) -> tuple[StepFile, FileChecks
     mirror.export_surface_step(sheet)
     mirror.export_stl(folder / f"{name}.stl")
     write_points(table, written)
-    write_dxf(made.outline, outline)
+    write_dxf(made.outline, outline, made.transition)
     step_file, step_check = checks.check_step(step, made)
     return step_file, FileChecks(step_check, checks.check_surface_step(sheet, made), checks.check_outline(outline, made),
                                  checks.check_points(table, written))
@@ -180,7 +182,8 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
         plate=PlateFigures(plate.area_mm2, plate.volume_mm3, plate.back_error_mm), files=files,
         glass=_glass(mirror, reflector.glass, eye, figures["h_fov_traced_deg"])
         if mirror.spec.glass.reflecting == "back" else None,
-        target=target_figures(mirror, reflector.uncoated.surface))
+        target=target_figures(mirror, reflector.uncoated.surface),
+        rules=surface_lines(mirror.spec, reflector))
     return replace(metrics, limits=tuple(view_requirements(mirror, metrics)))
 
 

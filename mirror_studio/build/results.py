@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mirror_studio.as_json import JsonObject
     from mirror_studio.build.wanted import TargetFigures
     from mirror_studio.report.verdict_table import Requirement
+    from mirror_studio.rules.of_spec import SpecRules
     from raytrace.measures.ghost import Ghost
     from raytrace.placement import Placement
 
@@ -230,6 +231,8 @@ class Metrics:
         What [limits] asks of the view.
     target
         What the mirror misses of the view that it was made for; None for a mirror from laws.
+    rules
+        Radii and sizes beside the rule of the road that the specification names; None where it names none.
     """
 
     h_fov_deg: FieldOfView = FieldOfView()
@@ -248,6 +251,7 @@ class Metrics:
     glass: GlassFigures | None = None
     limits: tuple[Requirement, ...] = ()
     target: TargetFigures | None = None
+    rules: SpecRules | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

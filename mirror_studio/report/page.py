@@ -49,6 +49,7 @@ from mirror_studio.report.text import (
     with_unit,
 )
 from mirror_studio.report.verdict_table import Requirement, view_requirements
+from mirror_studio.rules.of_spec import SpecRules
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.registry import registered
 from raytrace.viewing.camera import Frame
@@ -138,7 +139,20 @@ def verdicts(mirror: Mirror, deviation: Deviation, fields: DeviationFields,
     """The verdicts in words with their numbers."""
     rows = view_requirements(mirror, metrics)
     second = _part_verdict(mirror, deviation, fields) if metrics.target is None else _target_verdict(metrics.target)
-    return [_numerical_verdict(mirror, deviation), second, *([_view_verdict(rows)] if rows else [])]
+    return [_numerical_verdict(mirror, deviation), second, *([_view_verdict(rows)] if rows else []),
+            *([] if metrics.rules is None else [_rules_verdict(metrics.rules)])]
+
+
+def _rules_verdict(named: SpecRules) -> Verdict:
+    """How many lines of the rule that the specification names are missed: no verdict on the mirror."""
+    missed = [line.asked.text for line in named.lines if line.verdict == "missed"]
+    left = sum(line.verdict == "open" for line in named.lines)
+    head = f"{len(missed)} of {len(named.lines)} lines missed" if missed else f"None of {len(named.lines)} lines missed"
+    text = "".join(f"Missed: {each}. " for each in missed)
+    what = f"{named.rule.rule}, {named.rule.edition}, class {named.class_name}: radii and sizes"
+    return Verdict(what, "no" if missed else "open", f"{head}, {left} open" if left else head,
+                   f"{text}Fields of vision are those of a mirror on its vehicle (mirror-cad rules). The official text "
+                   "decides.")
 
 
 def _target_verdict(target: TargetFigures) -> Verdict:

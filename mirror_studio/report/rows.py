@@ -23,6 +23,7 @@ from mirror_studio.report.verdict_table import Requirement
 
 GROUPS = {"part": "Part: optical face as read back, against the design",
           "view": "View: field of view and lane, as asked for",
+          "rules": "Rules of the road: radii and sizes; the official text decides",
           "numerical": "Numerics: each stage against the one before",
           "files": "Files: read back, against the design"}
 # What a CAD system shows: a micrometre's thousandth, and of a radius a tenth of a micrometre.
@@ -55,15 +56,16 @@ def change_rows(change: StepChange) -> list[tuple[str, str, str, str]]:
 
 
 def _requirement(row: Requirement, measured: Uncertainty) -> dict[str, str]:
-    signed = row.group not in ("files", "view")
+    signed = row.group not in ("files", "view", "rules")
     before = {"size": "±" if signed else "", "least": "at least ", "most": "at most "}[row.side]
-    verdict = {True: "met", False: "not met", None: "no limit"}[row.met]
+    verdict = {True: "met", False: "not met", None: "open" if row.ruled == "open" else "no limit"}[row.met]
     key = row.name[:2]
     if row.group == "part" and row.margin is not None and abs(row.margin) < measured.missed(key):
         verdict += ", but closer than the grid tells"
+    limit = row.limit if row.limit is None or row.ruled is None else round(row.limit, VIEW_DECIMALS)
     return {
         "name": row.name, "met": {True: "yes", False: "no", None: "open"}[row.met], "verdict": verdict,
-        "limit": MISSING if row.limit is None else before + _asked(row.limit, row.unit),
+        "limit": MISSING if limit is None else before + _asked(limit, row.unit),
         "actual": actual_in_words(row, signed), "margin": MISSING if row.margin is None else _margin(row),
         "place": MISSING if row.point is None or row.actual == 0.0 else
         f"{point_in_words(row.point)}{NARROW_SPACE}mm",
@@ -73,6 +75,8 @@ def _requirement(row: Requirement, measured: Uncertainty) -> dict[str, str]:
 def actual_in_words(row: Requirement, sign: bool) -> str:
     """The actual value, in digits that show on which side of its limit it is."""
     limit, met = row.limit, bool(row.met)
+    if math.isinf(row.actual):
+        return "flat"
     if row.side != "size":
         decimals = VIEW_DECIMALS if limit is None else decimals_telling(row.size, limit, met, VIEW_DECIMALS)
         return fixed_with_unit(row.actual, row.unit, decimals)
@@ -82,6 +86,8 @@ def actual_in_words(row: Requirement, sign: bool) -> str:
 
 def _margin(row: Requirement) -> str:
     margin = row.margin or 0.0
+    if math.isinf(margin):
+        return MISSING
     if row.side == "size":
         return with_unit(margin, row.unit, 3).strip()
     return fixed_with_unit(margin, row.unit, decimals_telling(margin, 0.0, margin >= 0.0, VIEW_DECIMALS))

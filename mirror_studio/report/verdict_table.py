@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal
 
 from mirror_cad.deviation import Deviation, QuantityDeviation
 from mirror_cad.mirror import Mirror
 from mirror_studio.build.results import Metrics
 from mirror_studio.report.stages import numerical_stages
 from mirror_studio.report.tables import Table
+from mirror_studio.rules.of_spec import SpecRules
+from mirror_studio.rules.verdicts import Verdict as RuleVerdict
 from raytrace.measures.registry import registered
 
 Point = tuple[float, float]
 Side = Literal["size", "least", "most"]
+ENDS: tuple[Side, Side] = ("least", "most")
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
     """One line of the verdict table; limit is None where nothing is asked, actual NaN where it cannot be measured.
 
-    group : "part", "view", "numerical" or "files".   side : whether `limit` holds for the size of `actual`, which may be
-    signed, or is the least or the most that it may be.
+    group : "part", "view", "rules", "numerical" or "files".   side : whether `limit` holds for the size of `actual`, which may
+    be signed, or is the least or the most that it may be.   ruled : the verdict of a rule of the road on its whole line.
     """
 
     group: str
@@ -32,11 +35,12 @@ class Requirement:
     actual: float
     point: Point | None = None
     side: Side = "size"
+    ruled: RuleVerdict | None = None
 
     @property
     def margin(self) -> float | None:
         """What is left of the limit; negative beyond it."""
-        if self.limit is None:
+        if self.limit is None or (self.ruled == "open" and math.isnan(self.actual)):
             return None
         return self.actual - self.limit if self.side == "least" else self.limit - self.size
 
@@ -47,13 +51,15 @@ class Requirement:
 
     @property
     def met(self) -> bool | None:
-        """Whether the limit is kept; None without one, False where nothing could be measured."""
-        return None if self.margin is None else self.margin >= 0.0
+        """Whether the limit is kept; None without one and where a rule leaves it open, False where nothing was measured."""
+        if self.margin is None or self.ruled == "open":
+            return None
+        return self.ruled == "met" or (self.margin > 0.0 if self.ruled == "missed" else self.margin >= 0.0)
 
 
 def requirements(mirror: Mirror, deviation: Deviation, metrics: Metrics) -> list[Requirement]:
-    """Part, view, numerics and files, in this order. Where the design is flat, curvature is in 1/m and has no limit."""
-    return [*_of_part(mirror, deviation), *view_requirements(mirror, metrics),
+    """Part, view, rules, numerics and files, in this order. Where the design is flat, curvature is in 1/m without limit."""
+    return [*_of_part(mirror, deviation), *view_requirements(mirror, metrics), *rule_requirements(metrics.rules),
             *_of_numerics(mirror, deviation), *_of_files(mirror, deviation, metrics)]
 
 
@@ -78,10 +84,30 @@ def view_requirements(mirror: Mirror, metrics: Metrics) -> list[Requirement]:
     known = registered() if limits.by_name() else {}
     asked_for += [(asked, figures.get(key), known[key].title, known[key].unit) for key, asked in limits.by_name().items()]
     for asked, actual, name, unit in asked_for:
-        for side, limit in zip(("least", "most"), asked or (), strict=False):
+        for side, limit in zip(ENDS, asked or (), strict=False):
             if math.isfinite(limit):
-                rows.append(Requirement("view", name, unit, limit, math.nan if actual is None else actual,
-                                        side=cast("Side", side)))
+                rows.append(Requirement("view", name, unit, limit, math.nan if actual is None else actual, side=side))
+    return rows
+
+
+def rule_requirements(named: SpecRules | None) -> list[Requirement]:
+    """The lines of the rule of the road that the specification names: a row for each end of a limit."""
+    if named is None:
+        return []
+    rows = []
+    for line in named.lines:
+        asked = line.asked
+        name = f"{named.rule.rule} {named.class_name}, {asked.paragraph}: {asked.text}"
+        flat = line.value is None and line.verdict != "open"  # no other value has no end
+        if line.limit[0] == math.inf:  # flat is asked for: as curvature that has an end
+            rows.append(Requirement("rules", name, "1/m", 0.0, 0.0 if flat else 1e3 / (line.value or math.nan),
+                                    ruled=line.verdict))
+            continue
+        actual = math.inf if flat else math.nan if line.value is None else line.value
+        unit = "" if asked.unit == "1" else asked.unit
+        # A least value of 0 asks for nothing.
+        rows += [Requirement("rules", name, unit, end, actual, side=side, ruled=line.verdict)
+                 for side, end in zip(ENDS, line.limit, strict=True) if math.isfinite(end) and (side, end) != ("least", 0.0)]
     return rows
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from mirror_cad.errors import SpecError
 from mirror_studio.rules import sizes
 from mirror_studio.rules.ground import MissingGround, RequiredGround, hidden_share, missing_ground
+from mirror_studio.rules.radii import Radii
 from mirror_studio.rules.schema import FieldSection, RuleFile
 from mirror_studio.rules.spherometer import Stands, read_surface, reading_error, readings_where_it_stands, stands_at, turned
+from raytrace.errors import TraceError
 from raytrace.measures.eye_fields import extent, eye_fields
+from raytrace.measures.ghost import Ghost, ghost, reflectance
 from raytrace.measures.ground import side_of
 from raytrace.reflector import Reflector
 from raytrace.surfaces.base import box_of_points
+from raytrace.surfaces.cut import outboard_of
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
@@ -29,8 +33,12 @@ ARC_SAMPLES = 1025  # of an arc through the centre: the chords between them leav
 GRID = 9  # places a direction over the visible surface
 WITHIN = 0.98  # of the box, from its middle, that these reach
 DIRECTIONS = 4  # in which the least radius is looked for at each
+REFLECTANCE_DEG = 25.0  # of incidence, at which the rules have reflectances measured
 RECTANGLE_MM = 40.0  # high, whatever the class
 ALONG_X, ALONG_Y = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+# What of a mirror hangs neither on the rule nor on the spherometer, and what only on how far apart the rule has the eyes.
+OF_SHAPE = ("outline", "centre", "_grid", "sphere_departure", "rectangle", "segment", "circle", "box_sides", "aspheric_outline")
+OF_VIEWS = ("views", "shows_twice", "_fields", "_hidden")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,58 +55,37 @@ class Mounted:
         return (self.eyes.middle[1] < 0.0) == (self.pose.hand == "left")
 
 
-@dataclass(frozen=True, eq=False)
-class Radii:
-    """Spherometer readings (k, 2) at k places (k, 2), mm: two perpendicular ones at each."""
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the shape of a mirror does not tell, None where nobody says it.
 
-    at: Array
-    readings: Array
+    reflectance_percent, reflectance_night_percent : as its maker measured them.   transition_mm : x of the upright line beyond
+    which, outboard, the aspheric part lies, in mirror coordinates.
+    """
 
-    @property
-    def flat(self) -> bool:
-        """Whether no reading tells any curvature."""
-        return bool(np.isinf(self.readings).all())
+    reflectance_percent: float | None = None
+    reflectance_night_percent: float | None = None
+    transition_mm: float | None = None
 
-    @cached_property
-    def means(self) -> Array:
-        """r_p = (r_i + r'_i)/2, (k,)."""
-        result: Array = self.readings.mean(axis=1)
-        return result
 
-    @property
-    def mean(self) -> float:
-        """r, the mean of the points' means; inf where one reading is flat."""
-        return float(self.means.mean())
+NOTHING_TOLD = Told()
 
-    @property
-    def readings_spread_percent(self) -> float:
-        """The largest |r_i − r_p| and |r'_i − r_p|, of r, percent."""
-        return self._spread(self.means[:, None])
 
-    @property
-    def means_spread_percent(self) -> float:
-        """The largest |r_p − r|, of r, percent."""
-        return self._spread(self.mean, self.means)
-
-    @property
-    def off_mean_percent(self) -> float:
-        """The largest difference of a reading from the mean of all, percent of it."""
-        return self._spread(self.mean)
-
-    def _spread(self, about: Array | float, of: Array | None = None) -> float:
-        """Of the readings without `of`. 0 of a flat mirror; inf where some readings are flat and some are not."""
-        if self.flat:
-            return 0.0
-        if not np.isfinite(self.readings).all():
-            return math.inf
-        return 100.0 * float(np.abs((self.readings if of is None else of) - about).max()) / abs(self.mean)
+def _grid_within(outline: Array) -> Array:
+    """Places (n, 2) of an even grid over a polygon's box that it holds."""
+    x_min, x_max, y_min, y_max = box_of_points(outline)
+    share = np.linspace(-WITHIN, WITHIN, GRID)
+    middle, half = 0.5 * np.array([x_min + x_max, y_min + y_max]), 0.5 * np.array([x_max - x_min, y_max - y_min])
+    places = middle + half * np.stack(np.meshgrid(share, share), axis=2).reshape(-1, 2)
+    sides = sizes.Polygon.of(outline)
+    return places[[sides.contains(*place) for place in places]]
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
     """What rules ask of one mirror.
 
-    leg_mm : between the spherometer's outer feet.   reflectance_percent : as its maker measured it, where that is known.
+    leg_mm : between the spherometer's outer feet.   told : what is known of it beside its shape.
     Raises: SpecError for a face with holes; TraceError for a mirror that an eye does not see.
     """
 
@@ -106,8 +93,44 @@ class Measured:
     rule: RuleFile
     leg_mm: float
     mounted: Mounted | None = None
-    reflectance_percent: float | None = None
-    _fields: dict[FieldSection, MissingGround] = field(default_factory=dict, repr=False)
+    told: Told = NOTHING_TOLD
+
+    def by_rule(self, rule: RuleFile, leg_mm: float | None = None) -> Measured:
+        """The same mirror by another rule: what does not hang on the rule is not measured again."""
+        other = replace(self, rule=rule, leg_mm=self.leg_mm if leg_mm is None else leg_mm)
+        shared = set(OF_SHAPE)
+        if other.leg_mm == self.leg_mm:
+            shared |= {"centre_radii", "least_radius", *(["radii"] if rule.readings == self.rule.readings else [])}
+        if rule.eyes.separation_mm == self.rule.eyes.separation_mm:
+            shared |= set(OF_VIEWS)
+        vars(other).update({name: value for name, value in vars(self).items() if name in shared})
+        if "main" in vars(self) and self.main is not self:
+            vars(other)["main"] = self.main.by_rule(rule, leg_mm)
+        return other
+
+    # --- its parts ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def main(self) -> Measured:
+        """The main part alone: itself, where no transition line parts it from an aspheric one."""
+        if self.told.transition_mm is None:
+            return self
+        inboard = replace(self.reflector, surface=self.reflector.surface.inboard_of(self.told.transition_mm))
+        return replace(self, reflector=inboard, told=replace(self.told, transition_mm=None))
+
+    @cached_property
+    def aspheric_outline(self) -> Array | None:
+        """The polygon (n, 2) around the aspheric part, mm; None without a transition line."""
+        line = self.told.transition_mm
+        return None if line is None else outboard_of(self.outline, line)
+
+    @property
+    def aspheric_width(self) -> float | None:
+        """The longest level piece of the aspheric part, from the transition line to the edge, mm."""
+        if self.aspheric_outline is None:
+            return None
+        found = sizes.longest_rectangle(self.aspheric_outline, 0.0)
+        return 0.0 if found is None else found.width
 
     # --- radii --------------------------------------------------------------------------------------------------------
 
@@ -186,17 +209,16 @@ class Measured:
     @cached_property
     def _grid(self) -> Array:
         """Places (n, 2) over the visible surface."""
-        x_min, x_max, y_min, y_max = box_of_points(self.outline)
-        share = np.linspace(-WITHIN, WITHIN, GRID)
-        half = 0.5 * np.array([x_max - x_min, y_max - y_min])
-        places = self.centre + half * np.stack(np.meshgrid(share, share), axis=2).reshape(-1, 2)
-        sides = sizes.Polygon.of(self.outline)
-        return places[[sides.contains(*place) for place in places]]
+        return _grid_within(self.outline)
 
     @cached_property
     def least_radius(self) -> float:
-        """The least radius that the spherometer reads where it can stand, in DIRECTIONS directions; hollow ones left out."""
-        stands = stands_at(self.reflector.surface, self._grid, ALONG_X)
+        """The least radius that the spherometer reads where it can stand, in DIRECTIONS directions; hollow ones left out.
+
+        On the aspheric part alone, where a transition line says which that is.
+        """
+        grid = self._grid if self.aspheric_outline is None else _grid_within(self.aspheric_outline)
+        stands = stands_at(self.reflector.surface, grid, ALONG_X)
         found = np.concatenate([readings_where_it_stands(self.reflector.surface, self._turned(stands, k), self.leg_mm)
                                 for k in range(DIRECTIONS)])
         return float(found[found > 0.0].min(initial=math.inf))
@@ -232,6 +254,24 @@ class Measured:
     def dial_error(self, radius_mm: float) -> float:
         """What a dial of 2 µm leaves open of a radius, mm."""
         return reading_error(radius_mm, self.leg_mm)
+
+    # --- the glass before it ------------------------------------------------------------------------------------------
+
+    @property
+    def front_percent(self) -> float:
+        """What the front of the glass reflects by itself at REFLECTANCE_DEG, percent. Raises: TraceError without glass."""
+        return 100.0 * float(reflectance(np.cos(np.radians([REFLECTANCE_DEG])), self.reflector.surface.glass.index)[0])
+
+    @cached_property
+    def ghost(self) -> Ghost | None:
+        """Its reflection beside the image, for an eye between the driver's two; None on no vehicle, and of other glass."""
+        if self.mounted is None or not self.reflector.surface.bounding_faces:
+            return None
+        plate = self.reflector.surface.glass
+        try:
+            return ghost(plate.untrimmed(), self.views.middle.eye_in_mirror, self._grid[:, 0], self._grid[:, 1])
+        except TraceError:  # whose front is no B-spline
+            return None
 
     # --- sizes --------------------------------------------------------------------------------------------------------
 
@@ -289,7 +329,17 @@ class Measured:
 
     def obstructed_percent(self, asked: FieldSection) -> float:
         """How much of a field the vehicle's box hides."""
-        return 100.0 * hidden_share(self.views.left, self.views.right, self.required(asked), self.on_vehicle.host)
+        if asked not in self._hidden:
+            self._hidden[asked] = hidden_share(self.views.left, self.views.right, self.required(asked), self.on_vehicle.host)
+        return 100.0 * self._hidden[asked]
+
+    @cached_property
+    def _fields(self) -> dict[FieldSection, MissingGround]:
+        return {}
+
+    @cached_property
+    def _hidden(self) -> dict[FieldSection, float]:
+        return {}
 
     @property
     def angle_deg(self) -> float:

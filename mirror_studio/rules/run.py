@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from mirror_cad.errors import SpecError
+from mirror_cad.spec import MirrorSpec
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, stated_placement, versions, write_json
 from mirror_studio.drive.mirrors import on_vehicle, reflector_named
 from mirror_studio.progress import Progress
-from mirror_studio.rules.measuring import Measured, Mounted
+from mirror_studio.rules.measuring import NOTHING_TOLD, Measured, Mounted, Told
+from mirror_studio.rules.of_spec import told_of
 from mirror_studio.rules.schema import RuleFile, load_rule
 from mirror_studio.rules.sheet import Mirror, write_sheet
 from mirror_studio.rules.verdicts import RuleLine, judged
@@ -36,7 +38,7 @@ class Asked:
     vehicle: str | None = None
     leg_mm: float | None = None
     place: Place = "auto"
-    reflectance_percent: float | None = None
+    told: Told = NOTHING_TOLD
 
 
 def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -51,8 +53,9 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
     if asked.leg_mm is not None and not LEAST_LEG_MM <= asked.leg_mm <= LONGEST_LEG_MM:
         raise SpecError(f"--leg-mm {asked.leg_mm:g}: must be from {LEAST_LEG_MM:g} to {LONGEST_LEG_MM:g} mm, between the outer "
                         "feet")
-    if asked.reflectance_percent is not None and not 0.0 <= asked.reflectance_percent <= 100.0:
-        raise SpecError(f"--reflectance-percent {asked.reflectance_percent:g}: must be from 0 to 100")
+    for key, value in (("", asked.told.reflectance_percent), ("night-", asked.told.reflectance_night_percent)):
+        if value is not None and not 0.0 <= value <= 100.0:
+            raise SpecError(f"--reflectance-{key}percent {value:g}: must be from 0 to 100")
     if asked.class_name is None:
         progress.step(f"{rule.rule}: class {class_name}, for none was given; the classes are {', '.join(rule.classes)}")
     with new_set(out) as folder:
@@ -92,7 +95,7 @@ def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tu
     """The mirror's name, and what is measured of it."""
     name, reflector, spec = reflector_named(asked.mirror, asked.place)
     leg = rule.leg_mm if asked.leg_mm is None else asked.leg_mm
-    measured = Measured(reflector, rule, leg, None, asked.reflectance_percent)
+    measured = Measured(reflector, rule, leg, None, _stated(asked.told, spec))
     measured.outline  # noqa: B018  a face with holes is refused before it is aimed
     if scene is None:
         return name, measured
@@ -105,6 +108,12 @@ def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tu
     return name, on_road
 
 
+def _stated(told: Told, spec: MirrorSpec | None) -> Told:
+    """What is known of a mirror beside its shape: what is stated now, and else what its specification says."""
+    own = NOTHING_TOLD if spec is None else told_of(spec)
+    return Told(*(getattr(own, each.name) if (value := getattr(told, each.name)) is None else value for each in fields(Told)))
+
+
 def _content(name: str, measured: Measured, class_name: str, lines: Sequence[RuleLine], asked: Asked) -> dict[str, Any]:
     rule = measured.rule
     content: dict[str, Any] = {
@@ -114,8 +123,7 @@ def _content(name: str, measured: Measured, class_name: str, lines: Sequence[Rul
         "eyes": {"separation_mm": rule.eyes.separation_mm, "above_r_mm": rule.eyes.above_r_mm, "checked": rule.eyes.checked},
         "vehicle": asked.vehicle, "radii_mm": _readings(measured), "lines": [line.as_json() for line in lines], "fields": []}
     for line in lines:
-        if line.asked.quantity == "field_missing_m2" and line.asked.field is not None and line.value is not None:
-            found = measured.missing(line.asked.field)
+        if (found := line.ground) is not None:
             content["fields"].append({
                 "text": line.asked.text, "missing_m2": found.missing_m2, "missing_to_both_m2": found.missing_to_both_m2,
                 "required_m2": found.required_m2, "seen_to_the_horizon": found.horizon, "least_margin_m": found.margin_m,

@@ -25,8 +25,9 @@ RULES = {"R46": "r46-03", "GB15084": "gb15084-2022", "FMVSS111": "fmvss111"}  # 
 # What can be measured of a mirror, with its unit; `mirror_studio.rules.measuring` measures each.
 QUANTITIES: dict[str, Unit] = {
     "radius_r_mm": "mm", "radius_ri_spread_percent": "%", "radius_rp_spread_percent": "%", "radius_centre_mm": "mm",
-    "radius_least_mm": "mm", "sphere_departure_mm": "mm", "aspheric_width_mm": "mm", "rectangle_mm": "mm", "segment_b_mm": "mm",
-    "area_mm2": "mm²", "inscribed_circle_mm": "mm", "box_short_mm": "mm", "box_long_mm": "mm", "round_share": "1",
+    "radius_least_mm": "mm", "sphere_departure_mm": "mm", "whole_departure_mm": "mm", "aspheric_width_mm": "mm",
+    "rectangle_mm": "mm", "segment_b_mm": "mm", "area_mm2": "mm²", "inscribed_circle_mm": "mm", "box_short_mm": "mm",
+    "box_long_mm": "mm", "round_share": "1",
     "reflectance_percent": "%", "reflectance_night_percent": "%", "mirror_angle_deg": "°", "mirror_height_m": "m",
     "field_missing_m2": "m²", "field_obstructed_percent": "%", "field_angle_deg": "°"}
 
@@ -149,6 +150,7 @@ class RuleFile(Section):
     readings : where the spherometer is set: "annex 7", at three points of an arc; "ten", twice at five places.
     leg_mm : between its outer feet, where none is asked for.   field_of_spheres_mm : where only spherical surfaces count
     towards a field, how far one may depart from its sphere and be one.
+    main_part_alone : whether the main part has to show the field without the aspheric one that a transition line parts off.
     """
 
     rule: Words
@@ -164,6 +166,7 @@ class RuleFile(Section):
     leg_mm: Annotated[Number, Field(gt=0, le=500)] = 38.1
     leg_checked: Checked = "memory"
     field_of_spheres_mm: Annotated[Number, Field(ge=0)] | None = None
+    main_part_alone: bool = False
     eyes: EyesSection = EyesSection()
     line: Annotated[tuple[LineSection, ...], AsTuple] = ()
 
@@ -230,6 +233,7 @@ def _with_base(given: RuleFile) -> RuleFile:
                                                  "paragraph_checked": _less_sure(line.paragraph_checked, sure)}))
     return given.model_copy(update={"line": (*taken, *given.line), "classes": given.classes or base.classes,
                                     "default_class": given.default_class or base.default_class, "based_on": "",
+                                    "main_part_alone": given.main_part_alone or base.main_part_alone,
                                     "eyes": base.eyes.model_copy(update={"checked": _less_sure(base.eyes.checked, sure)})})
 
 

@@ -50,8 +50,7 @@ class Row:
 def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[RuleLine]) -> None:
     """Write the page; it embeds all it shows."""
     rule = measured.rule
-    fields = [(line.asked.text, plan(measured.missing(line.asked.field))) for line in lines
-              if line.asked.quantity == "field_missing_m2" and line.asked.field is not None and line.value is not None]
+    fields = [(line.asked.text, plan(line.ground)) for line in lines if line.ground is not None]
     facts = [("Rule", f"{rule.title}, {rule.edition}"), ("Class", mirror.class_name),
              ("Wording", rule.wording),
              ("Spherometer", f"outer feet {measured.leg_mm:g} mm apart, on the surface itself"),

@@ -21,6 +21,7 @@ FOLLOWED = 4  # of the best of these that are followed
 GAPS = 8  # of the longest between edges, of which the first inside counts: of two neighbours one is
 CLOSER, ROUNDS = 17, 12  # samples about each, and how often: each round leaves an eighth, 1e-11 of the first step in the end
 CIRCLE_GRID, CIRCLE_ROUNDS = 17, 12
+FEW_CORNERS = 400  # of a polygon of thousands, that tell where its largest circle may be
 FAR_MM = 1e8  # from where a mesh is looked at along z: its outline is then seen 1e-6 mm from straight below
 POINT_MM2 = 1e-6  # loops of less area bound nothing
 
@@ -163,23 +164,81 @@ def contains(corners: Array, x: float, y: float) -> bool:
 def inscribed_circle(polygon: Array) -> float:
     """Find the diameter of the largest circle within a polygon (n, 2), mm.
 
-    The farthest point from its edges, on closer and closer grids.
+    The point within that is farthest from its edges, on closer and closer grids. A polygon of fewer corners tells which points
+    of a grid can be that; of the edges only those count that are no farther from the grid's middle than the middle's own
+    distance and twice the grid's reach.
     """
-    sides = Polygon.of(polygon)
-    a, way = polygon, np.roll(polygon, -1, axis=0) - polygon
-    squared = np.einsum("ij,ij->i", way, way)
-    a, way, squared = a[squared > 0.0], way[squared > 0.0], squared[squared > 0.0]
+    corners, off = _coarser(polygon)
+    few, edges = _Edges.of(corners), _Edges.of(polygon)
     centre = 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
     half, best = 0.5 * np.ptp(polygon, axis=0), 0.0
     for _ in range(CIRCLE_ROUNDS):
         grid = centre + half * np.stack(np.meshgrid(*2 * (np.linspace(-1.0, 1.0, CIRCLE_GRID),)), axis=2).reshape(-1, 2)
-        for point in grid:
-            if not sides.contains(*point):
-                continue
-            share = np.clip(np.einsum("ij,ij->i", point - a, way) / squared, 0.0, 1.0)
-            apart = point - a - share[:, None] * way
-            distance = float(np.sqrt(np.einsum("ij,ij->i", apart, apart).min()))
-            if distance > best:
-                best, centre = distance, point
+        grid = grid[_inside(polygon, grid)]
+        reach = float(np.hypot(*half))
+        few, edges = few.about(centre, reach), edges.about(centre, reach)
+        if len(grid):
+            nearly = few.distance(grid)
+            grid = grid[nearly >= nearly.max() - 2.0 * off]
+            distance = edges.distance(grid)
+            if distance.max() > best:
+                best, centre = float(distance.max()), grid[int(np.argmax(distance))]
         half = half * 4.0 / (CIRCLE_GRID - 1)
     return 2.0 * best
+
+
+def _coarser(polygon: Array) -> tuple[Array, float]:
+    """Some of a polygon's corners (m, 2), FEW_CORNERS or fewer, and how far the others are off the sides between them."""
+    step = max(1, len(polygon) // FEW_CORNERS)
+    kept = np.arange(0, len(polygon), step)
+    a = polygon[kept[np.arange(len(polygon)) // step]]
+    b = polygon[np.roll(kept, -1)[np.arange(len(polygon)) // step]]
+    way = b - a
+    long = np.maximum(np.einsum("ij,ij->i", way, way), np.finfo(float).tiny)
+    share = np.clip(np.einsum("ij,ij->i", polygon - a, way) / long, 0.0, 1.0)
+    return polygon[kept], float(np.linalg.norm(polygon - a - share[:, None] * way, axis=1).max())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Edges:
+    """Straight edges from `start` (n, 2) along `way` (n, 2), whose squared lengths are (n,)."""
+
+    start: Array
+    way: Array
+    squared: Array
+
+    @staticmethod
+    def of(polygon: Array) -> _Edges:
+        way = np.roll(polygon, -1, axis=0) - polygon
+        squared = np.einsum("ij,ij->i", way, way)
+        there = squared > 0.0
+        return _Edges(polygon[there], way[there], squared[there])
+
+    def about(self, middle: Array, reach: float) -> _Edges:
+        """Those that can be the nearest to a point no farther than `reach` from a middle."""
+        distance = self._distances(middle[None])[0]
+        near = distance <= distance.min() + 2.0 * reach
+        return _Edges(self.start[near], self.way[near], self.squared[near])
+
+    def distance(self, points: Array) -> Array:
+        """How far points (m, 2) are from the nearest edge, (m,)."""
+        return self._distances(points).min(axis=1)
+
+    def _distances(self, points: Array) -> Array:
+        off = points[:, None] - self.start
+        share = np.clip(np.einsum("mnj,nj->mn", off, self.way) / self.squared, 0.0, 1.0)
+        off -= share[:, :, None] * self.way
+        result: Array = np.sqrt(np.einsum("mnj,mnj->mn", off, off))
+        return result
+
+
+def _inside(polygon: Array, points: Array) -> NDArray[np.bool_]:
+    """Which points (m, 2), of which many share a y, a polygon holds, by the even-odd rule."""
+    sides = Polygon.of(polygon)
+    found = np.zeros(len(points), dtype=np.bool_)
+    for y in np.unique(points[:, 1]):
+        row = points[:, 1] == y
+        k = np.flatnonzero((sides.y0 <= y) != (sides.y1 <= y))
+        cuts = np.sort(sides.x0[k] + (y - sides.y0[k]) * sides.slope[k])
+        found[row] = (len(cuts) - np.searchsorted(cuts, points[row, 0], "right")) % 2 == 1
+    return found

@@ -7,15 +7,24 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from mirror_studio.rules.measuring import Measured
+from mirror_studio.as_json import Json
+from mirror_studio.rules.ground import MissingGround
+from mirror_studio.rules.measuring import REFLECTANCE_DEG, Measured
 from mirror_studio.rules.schema import LineSection, Range
+from mirror_studio.rules.sizes import area_of
 
 Verdict = Literal["met", "missed", "open"]
 
 NO_VEHICLE = "no vehicle was given: --vehicle SCENE puts the mirror on one"
-NOT_ENTERED = "not entered: a file of a face does not tell it"
+NOT_ENTERED = {"reflectance_percent": "not entered: --reflectance-percent, or [rules] reflectance_percent, as it was measured",
+               "reflectance_night_percent": "not entered: --reflectance-night-percent, or [rules] reflectance_night_percent",
+               "aspheric_width_mm": "no transition line is known: --transition-mm, or [part] transition_mm, says where it is"}
+OF_PART = "of the main part, inboard of the transition line at x = {:g} mm"
 TWICE = "the mirror shows some things twice, so no field is bounded by its edge"
 ON_VEHICLE = ("mirror_angle_deg", "mirror_height_m", "field_missing_m2", "field_obstructed_percent", "field_angle_deg")
+# What is asked of the main part alone, where a transition line parts it from an aspheric one.
+OF_MAIN_PART = ("radius_r_mm", "radius_ri_spread_percent", "radius_rp_spread_percent", "radius_centre_mm",
+                "sphere_departure_mm")
 ROUNDING = 1e-7  # of a limit: coordinates of 1 m are known to 1e-13, a radius read over 38 mm thereby to 1e-8 of it
 SEEN_M2 = 1e-6  # of a field: less is the rounding of its integral, and no eye's
 
@@ -25,7 +34,8 @@ class RuleLine:
     """One requirement beside what was measured.
 
     value : None where nothing was, or where it has no end (a flat mirror's radius).   margin : how far inside the limit it is,
-    negative where it is outside; None where that is no number.   notes : what else is to be known.
+    negative where it is outside; None where that is no number.   notes : what else is to be known.   ground : what of a field
+    is not seen, where it is one that was measured.
     """
 
     asked: LineSection
@@ -34,8 +44,9 @@ class RuleLine:
     margin: float | None
     verdict: Verdict
     notes: tuple[str, ...] = ()
+    ground: MissingGround | None = None
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, Json]:
         """As rules.json holds it; a limit that is none is null."""
         ends = [end if math.isfinite(end) else None for end in self.limit]
         return {"paragraph": self.asked.paragraph, "paragraph_checked": self.asked.paragraph_checked, "text": self.asked.text,
@@ -69,28 +80,23 @@ TAKE: Mapping[str, Take] = {
     "radius_centre_mm": lambda m, _: m.centre_radii.mean,
     "radius_least_mm": lambda m, _: m.least_radius,
     "sphere_departure_mm": lambda m, _: m.sphere_departure,
-    "aspheric_width_mm": lambda m, _: None,
+    "whole_departure_mm": lambda m, _: m.sphere_departure,
+    "aspheric_width_mm": lambda m, _: m.aspheric_width,
     "rectangle_mm": lambda m, _: 0.0 if m.rectangle is None else m.rectangle.width,
     "segment_b_mm": lambda m, _: m.segment.height,
-    "area_mm2": lambda m, _: abs(_area(m)),
+    "area_mm2": lambda m, _: abs(area_of(m.outline)),
     "inscribed_circle_mm": lambda m, _: m.circle,
     "box_short_mm": lambda m, _: m.box_sides[0],
     "box_long_mm": lambda m, _: m.box_sides[1],
     "round_share": lambda m, _: m.circle / m.box_sides[1],
-    "reflectance_percent": lambda m, _: m.reflectance_percent,
-    "reflectance_night_percent": lambda m, _: None,
+    "reflectance_percent": lambda m, _: m.told.reflectance_percent,
+    "reflectance_night_percent": lambda m, _: m.told.reflectance_night_percent,
     "mirror_angle_deg": lambda m, _: m.angle_deg,
     "mirror_height_m": lambda m, _: m.height_m,
     "field_missing_m2": _missing,
     "field_obstructed_percent": lambda m, line: None if line.field is None else m.obstructed_percent(line.field),
     "field_angle_deg": lambda m, _: m.horizon_deg,
 }
-
-
-def _area(m: Measured) -> float:
-    from mirror_studio.rules.sizes import area_of
-
-    return area_of(m.outline)
 
 
 def judged(m: Measured, class_name: str) -> list[RuleLine]:
@@ -103,42 +109,51 @@ def _applies(m: Measured, line: LineSection) -> bool:
         return False
     if line.when is None or (line.when.quantity in ON_VEHICLE and m.mounted is None):
         return True
-    value = TAKE[line.when.quantity](m, line)
+    value = TAKE[line.when.quantity](_part(m, line.when.quantity), line)
     return value is not None and (line.when.least <= value < line.when.below or value == math.inf == line.when.below)
 
 
-def _judged(m: Measured, line: LineSection) -> RuleLine:
-    limit = _limit(m, line)
+def _part(m: Measured, quantity: str) -> Measured:
+    """What of the mirror a quantity is taken of."""
+    alone = quantity in OF_MAIN_PART or (quantity.startswith("field_") and m.rule.main_part_alone)
+    return m.main if alone else m
+
+
+def _judged(whole: Measured, line: LineSection) -> RuleLine:
+    m = _part(whole, line.quantity)
+    limit = _limit(whole, line)
     if line.quantity in ON_VEHICLE and m.mounted is None:
         return RuleLine(line, None, limit, None, "open", (NO_VEHICLE,))
     if line.quantity.startswith("field_") and m.shows_twice:
         return RuleLine(line, None, limit, None, "open", (TWICE,))
     value = TAKE[line.quantity](m, line)
+    of_part = () if m is whole else (OF_PART.format(whole.told.transition_mm),)
     if value is None:
-        return RuleLine(line, None, limit, None, "open", (NOT_ENTERED,))
-    notes = list(_notes(m, line, value))
+        return RuleLine(line, None, limit, None, "open", (NOT_ENTERED[line.quantity], *glass_notes(m, line)))
+    notes = [*of_part, *_notes(m, line, value)]
     if math.isnan(limit[0]):
         return RuleLine(line, value, limit, None, "open", (*notes, "the rule gives no length for a hollow mirror"))
     inside = _eased(limit[0], -1.0) <= value <= _eased(limit[1], 1.0)
-    if line.field is not None and line.quantity == "field_missing_m2" and m.missing(line.field).horizon is False:
+    ground = m.missing(line.field) if line.quantity == "field_missing_m2" and line.field is not None else None
+    if ground is not None and ground.horizon is False:
         inside = False
     # A least value of 0 is none: sizes, shares and spreads have no other.
     margin = min([value - limit[0]] * (math.isfinite(limit[0]) and limit[0] != 0.0)
                  + [limit[1] - value] * math.isfinite(limit[1]), default=math.inf)
     verdict: Verdict = "met" if inside else line.beyond
-    if inside and line.quantity == "field_missing_m2" and m.rule.field_of_spheres_mm is not None:
+    if inside and ground is not None and m.rule.field_of_spheres_mm is not None:
         # What an aspheric part shows does not count, and where all of it is aspheric no part is left that does.
         verdict = "met" if m.sphere_departure <= m.rule.field_of_spheres_mm else "open"
     if verdict == "open":
         notes.append(m.rule.wording)
     if line.quantity.startswith("radius_") and _facets_decide(m, line, value, margin):
         verdict = "open"
-    return RuleLine(line, _number(value), limit, _number(margin), verdict, tuple(notes))
+    return RuleLine(line, _number(value), limit, _number(margin), verdict, tuple(notes), ground)
 
 
 def _limit(m: Measured, line: LineSection) -> Range:
     if line.least_of_radius is not None:
-        return line.least_of_radius.at(m.radii.mean), math.inf
+        return line.least_of_radius.at(m.main.radii.mean), math.inf
     return line.limit or (-math.inf, math.inf)
 
 
@@ -162,7 +177,7 @@ def _facets_decide(m: Measured, line: LineSection, value: float, margin: float) 
 
 def _notes(m: Measured, line: LineSection, value: float) -> list[str]:
     """What is to be known beside a value."""
-    notes = []
+    notes = glass_notes(m, line)
     if line.quantity in ("radius_r_mm", "radius_centre_mm"):
         if math.isinf(value):
             notes.append("flat" if m.radii.flat else "flat in one direction")
@@ -180,3 +195,15 @@ def _notes(m: Measured, line: LineSection, value: float) -> list[str]:
         notes.append(f"least margin {found.margin_m:+.3f} m at X = {found.at_m[0]:.2f}, Y = {found.at_m[1]:.2f} m; both eyes "
                      f"miss {found.missing_to_both_m2:.3g} m² of {found.required_m2:.4g} m²")
     return notes
+
+
+def glass_notes(m: Measured, line: LineSection) -> list[str]:
+    """What the front of the glass adds to a reflectance, of a mirror that reflects from its back."""
+    if line.quantity != "reflectance_percent" or not m.reflector.surface.refracts:
+        return []
+    ghost = m.ghost
+    told = f"the front of the glass alone reflects {m.front_percent:.1f} % at {REFLECTANCE_DEG:g}°, a ghost beside the image"
+    if ghost is None or ghost.max_arcmin is None:
+        return [told]
+    return [f"{told}: up to {ghost.max_arcmin:.1f}′ from it for an eye between the driver's, {ghost.mean_arcmin:.1f}′ on "
+            "average"]

@@ -200,6 +200,10 @@ class OpticalSurface(ABC):
         """The surface without the margin along its edge, in (x, y). Raises: TraceError where that cannot be cut."""
         raise no_inset(margin_mm)
 
+    def inboard_of(self, x: float) -> OpticalSurface:
+        """The part with larger x than that of a transition line, in (x, y). Raises: TraceError where that cannot be cut."""
+        raise no_transition(x)
+
     # --- rays by where they are reflected -----------------------------------------------------------------------------
 
     def points_over(self, x: Array, y: Array) -> Array:
@@ -368,6 +372,12 @@ def no_inset(margin_mm: float) -> TraceError:
     """What is said where a bezel's edge cannot be cut."""
     return TraceError(f"a bezel over {margin_mm:g} mm of the edge needs a mirror that is one B-spline with u = x, v = y and "
                       "one outline, as this program makes them: leave bezel_over_m at 0 for this file")
+
+
+def no_transition(x: float) -> TraceError:
+    """What is said where a mirror cannot be cut along a transition line."""
+    return TraceError(f"a transition line at x = {x:g} mm needs a mirror that is one B-spline with u = x, v = y and one "
+                      "outline, as this program makes them: of another file no main part can be told from an aspheric one")
 
 
 def box_of_points(points: Array) -> Box:

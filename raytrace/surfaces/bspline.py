@@ -16,7 +16,8 @@ from raytrace.kernels import first_hit, newton
 from raytrace.kernels.first_hit import Pieces
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
-from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, with_trimming_of
+from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, no_transition, with_trimming_of
+from raytrace.surfaces.cut import inboard_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
 from raytrace.surfaces.pieces import pieces_of
@@ -177,6 +178,11 @@ class BSplineFace(BoundedFace):
         if self.height_field is None or len(self.loops) != 1:
             raise no_inset(margin_mm)
         return replace(self, loops=(moved_inwards(self.loops[0], margin_mm),))
+
+    def inboard_of(self, x: float) -> BSplineFace:
+        if not self.is_graph or len(self.loops) != 1:
+            raise no_transition(x)
+        return replace(self, loops=(inboard_of(self.loops[0], x),))
 
     def is_above(self, points: Array, margin_mm: float) -> bool:
         if self.height_field is None:

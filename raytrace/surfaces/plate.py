@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
 from raytrace.rays import Index, Mask, Rays, Status, Trace
-from raytrace.surfaces.base import AreaSamples, Box, OpticalSurface, RigidMotion, no_inset
+from raytrace.surfaces.base import AreaSamples, Box, OpticalSurface, RigidMotion, no_inset, no_transition
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.faces import Face
 from raytrace.surfaces.rim import Curve
@@ -136,6 +136,12 @@ class Plate(OpticalSurface):
             raise no_inset(margin_mm)
         back = self.back.inset(margin_mm)
         return replace(self, front=replace(self.front, loops=back.loops), back=back)  # both on the parameters of the back
+
+    def inboard_of(self, x: float) -> Plate:
+        if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace)):
+            raise no_transition(x)
+        back = self.back.inboard_of(x)
+        return replace(self, front=replace(self.front, loops=back.loops), back=back)
 
     def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Points (n, 3) of the front and its unit normals towards the air, at its parameters (n,). Raises: TraceError for a

@@ -182,7 +182,7 @@ def _keys(kind: type[BaseModel], horizontal_only: frozenset[str] = frozenset()) 
         title = getattr(shown, "label", "").replace("{axis}", "radius")
         what = said.get(key, title)
         remark = " ".join([what] * bool(what) + ["(horizontal)"] * (key in horizontal_only))
-        rows.append(f"| `{key}` | {default} | {_range(info)} | {remark} |")
+        rows.append(f"| `{info.alias or key}` | {default} | {_range(info)} | {remark} |")
     return "\n".join(rows) + "\n"
 
 
