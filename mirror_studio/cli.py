@@ -263,11 +263,14 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
 @app.command
 def measures(*, json: Json = False) -> int:
-    """List the measures by name: unit, what they are of, and their definitions."""
+    """List the measures by name: unit, what they are of, and their definitions; the figures of rules after them."""
+    from mirror_studio.rules.figures import rule_figures_known
     from raytrace.measures.registry import registered
 
     found = {name: {"title": one.title, "unit": one.unit, "of": one.scope, "better": one.better, "definition": one.definition}
              for name, one in registered().items()}
+    found |= {name: {"title": "rule of the road", "unit": unit, "of": "rule", "better": None, "definition": definition}
+              for name, (unit, definition) in rule_figures_known().items()}
     if json:
         return _finish(found, (), json)
     for name, one in found.items():

@@ -12,6 +12,7 @@ from mirror_cad.spec.file import load_spec
 from mirror_studio.build.pipeline import build
 from mirror_studio.cli import run
 from mirror_studio.progress import Progress
+from mirror_studio.rules.figures import rule_figures_known
 from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import Measure, measures_of, register, registered, unregister
 
@@ -55,7 +56,7 @@ def test_a_measure_registered_here_is_on_the_page(measure: Measure) -> None:
 def test_the_command_lists_every_measure(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["measures"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(registered())
+    assert [line.split()[0] for line in lines] == [*registered(), *rule_figures_known()]
     assert set(registered()) >= CONTRACT
     assert all(one.definition for one in registered().values())
 

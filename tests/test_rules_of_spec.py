@@ -116,7 +116,8 @@ def test_reflectance_as_entered_is_held_against_its_limit() -> None:
 
 
 def test_radius_between_two_ends_has_a_row_for_each() -> None:
-    of = [each for each in rule_requirements(lines_of("sphere-950", rule="R46", **{"class": "VII"})) if "mean radius" in each.name]
+    rows = rule_requirements(lines_of("sphere-950", rule="R46", **{"class": "VII"}))
+    of = [each for each in rows if "mean radius" in each.name]
     assert [(each.side, each.limit, each.met) for each in of] == [("least", 1000.0, False), ("most", 1500.0, True)]
 
 

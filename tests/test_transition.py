@@ -33,7 +33,8 @@ def aspheric(hand: str = "left", transition_mm: float = X_MM, **rules: object) -
 
 
 def measured(mirror: Mirror, rule: str = "R46") -> Measured:
-    return Measured(Reflector.from_mirror(mirror), load_rule(rule), 38.1, None, Told(transition_mm=mirror.spec.part.transition_mm))
+    told = Told(transition_mm=mirror.spec.part.transition_mm)
+    return Measured(Reflector.from_mirror(mirror), load_rule(rule), 38.1, None, told)
 
 
 def test_line_ends_on_the_outline() -> None:
@@ -77,7 +78,8 @@ def test_both_parts_make_the_whole() -> None:
 
 
 def test_cut_into_three_is_refused() -> None:
-    u = np.array([[0.0, 0.0], [90.0, 0.0], [90.0, 100.0], [60.0, 100.0], [60.0, 30.0], [30.0, 30.0], [30.0, 100.0], [0.0, 100.0]])
+    u = np.array([[0.0, 0.0], [90.0, 0.0], [90.0, 100.0], [60.0, 100.0], [60.0, 30.0], [30.0, 30.0], [30.0, 100.0],
+                  [0.0, 100.0]])
     turned = u[:, ::-1]  # an upright line crosses both arms
     with pytest.raises(TraceError, match="crosses its outline 4 times"):
         inboard_of(turned, 80.0)

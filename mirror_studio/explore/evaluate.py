@@ -10,10 +10,12 @@ from typing import Any
 
 from mirror_cad.errors import MirrorError
 from mirror_cad.mirror import design
+from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_studio.drive.measured import asked_of, in_use, shown_round
 from mirror_studio.drive.mirrors import on_vehicle
 from mirror_studio.drive.world import bodies_and_left_out
+from mirror_studio.rules.figures import rule_figures
 from mirror_studio.scene_file import SceneFile, load_scene
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.in_use import Asked, MirrorInUse
@@ -36,11 +38,13 @@ def evaluate(index: int, values: tuple[float | str | bool, ...], raw: dict[str, 
              measures: Sequence[str]) -> Row:
     """Design one mirror and take its measures. Whatever goes wrong is the row's cause."""
     try:
-        use = _in_use(raw, folder, scene)
+        spec, use = _in_use(raw, folder, scene)
         known = measures_of(use)
+        rules = [name for name in measures if name not in known]
+        of_rule = rule_figures(spec, use.setup.reflector, use.vehicle, rules) if rules else {}
         twice = use.vehicle is not None and shown_round(use.vehicle.views).twice
-        figures = tuple(None if name not in known or (twice and not known[name].local) else _number(known[name].value(use))
-                        for name in measures)
+        figures = tuple(of_rule.get(name) if name not in known else None if twice and not known[name].local else
+                        _number(known[name].value(use)) for name in measures)
     except MirrorError as error:
         return failed(index, values, len(measures), " ".join(str(error).split()))
     except Exception as error:  # a design that no message was written for is a row as well
@@ -57,17 +61,17 @@ def names_on_vehicle(scene: str) -> tuple[str, ...]:
     """The measures that a scene has, those at its own distances among them."""
     from mirror_cad.spec.file import spec_as_json
 
-    return tuple(measures_of(_in_use(spec_as_json(load_spec("sphere-950")), ".", scene)))
+    return tuple(measures_of(_in_use(spec_as_json(load_spec("sphere-950")), ".", scene)[1]))
 
 
-def _in_use(raw: dict[str, Any], folder: str, scene: str | None) -> MirrorInUse:
+def _in_use(raw: dict[str, Any], folder: str, scene: str | None) -> tuple[MirrorSpec, MirrorInUse]:
     spec = validate_spec(raw, "design", Path(folder))
     mirror = design(spec)
     reflector = Reflector.from_mirror(mirror)
     if scene is None:
-        return ViewingSetup.of(spec, mirror.box).in_use(reflector, mirror)
+        return spec, ViewingSetup.of(spec, mirror.box).in_use(reflector, mirror)
     loaded, asked = _scene(scene)
-    return in_use(on_vehicle(spec.name, reflector, loaded, spec), asked)
+    return spec, in_use(on_vehicle(spec.name, reflector, loaded, spec), asked)
 
 
 @lru_cache(maxsize=4)

@@ -242,8 +242,17 @@ def _faults_of_key(study: Study, key: str, value: Value) -> list[str]:
 
 
 def _faults_of_measures(names: Sequence[str], study: Study) -> list[str]:
+    from mirror_studio.rules.figures import needs_vehicle, rule_figures_known
     from raytrace.measures.registry import registered
 
+    of_rules = rule_figures_known()
+    faults = []
+    for name in [name for name in names if name in of_rules]:
+        if "rules" not in study.raw and not any(key.startswith("rules.") for key in study.keys):
+            faults.append(f"{name} is a line of a rule: give the specification [rules] with rule and class")
+        elif study.scene is None and needs_vehicle(name):
+            faults.append(f"{name} is asked of a mirror on its vehicle: give scene = \"motorway\", say")
+    names = [name for name in names if name not in of_rules]
     known = dict(registered())
     if study.scene is not None and any(name not in known for name in names):
         from mirror_studio.explore.evaluate import names_on_vehicle
@@ -251,10 +260,9 @@ def _faults_of_measures(names: Sequence[str], study: Study) -> list[str]:
         known |= dict.fromkeys(names_on_vehicle(study.scene))  # type: ignore[arg-type]  # names alone count
     elif study.scene is not None:
         load_scene(study.scene)
-    faults = []
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+            near = difflib.get_close_matches(name, [*known, *of_rules], n=1, cutoff=0.4)
             faults.append(f"unknown measure {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
                           + " (`mirror-cad measures` lists them)")
         elif study.scene is None and known[name].scope == "vehicle":

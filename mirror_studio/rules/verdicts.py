@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -99,9 +99,13 @@ TAKE: Mapping[str, Take] = {
 }
 
 
-def judged(m: Measured, class_name: str) -> list[RuleLine]:
-    """Every line of a class, those left out that ask something of other mirrors: of other radii, or of the other side."""
-    return [_judged(m, line) for line in m.rule.lines_of(class_name) if _applies(m, line)]
+def judged(m: Measured, class_name: str, only: Collection[str] | None = None) -> list[RuleLine]:
+    """Every line of a class, those left out that ask something of other mirrors: of other radii, or of the other side.
+
+    only : the quantities whose lines are wanted; all of them without it.
+    """
+    return [_judged(m, line) for line in m.rule.lines_of(class_name)
+            if (only is None or line.quantity in only) and _applies(m, line)]
 
 
 def _applies(m: Measured, line: LineSection) -> bool:
