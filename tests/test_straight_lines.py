@@ -19,6 +19,7 @@ from raytrace.measures.lane import StraightLane, lane_straightness_percent
 from raytrace.measures.line_bow import ARCMIN, line_bow
 from raytrace.measures.road_straightness import road_straightness
 from raytrace.reflector import Reflector
+from raytrace.roots import roots
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.plate import Plate
 from raytrace.surfaces.quadric import QuadricFace
@@ -27,7 +28,7 @@ from raytrace.viewing.eye import eye_position
 from raytrace.viewing.pose import SIDEWAYS, Pose
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of, roots, visibility_contour
+from raytrace.visibility.edge import edge_of, visibility_contour
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.line_image import LineView, StraightLine, column, line_images, road_line
 from raytrace.visibility.occlusion import grazing_functions

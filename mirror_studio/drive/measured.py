@@ -120,7 +120,7 @@ def in_use(mirror: DrivenMirror, asked: Asked) -> MirrorInUse:
     vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked)
     if mirror.spec is None:
         return MirrorInUse(view, lane, vehicle=vehicle)
-    designed = design(mirror.spec)
+    designed = mirror.designed or design(mirror.spec)
     horizontal, vertical = (math.degrees(angle) for angle in designed.section_fields_of_view())
     return MirrorInUse(view, lane, None, designed.left_height_mm, (horizontal, vertical), vehicle)
 

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from mirror_cad.errors import SpecError
-from mirror_cad.mirror import design
+from mirror_cad.mirror import Mirror, design
 from mirror_cad.own_files import Hand, hand_of
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
@@ -41,7 +41,8 @@ class DrivenMirror:
     """A mirror on the driver's vehicle: what of it reflects and is seen, its pose, and who looks at it.
 
     whole : the reflector without its bezel.   spec : what it was designed from, if it was.   hand : which of a pair its file
-    or specification says it is, None where that says nothing. The reflectors are the left-hand one's, which the pose reflects.
+    or specification says it is, None where that says nothing.   designed : the mirror of `spec`, where it is at hand. The
+    reflectors are the left-hand one's, which the pose reflects.
     """
 
     name: str
@@ -52,6 +53,7 @@ class DrivenMirror:
     host: HostVehicle
     spec: MirrorSpec | None = None
     hand: Hand | None = None
+    designed: Mirror | None = None
 
     @property
     def of_other_hand(self) -> str | None:
@@ -161,14 +163,15 @@ def exported(spec: MirrorSpec) -> Reflector:
     return read if spec.part.hand == "left" else read.moved(Placement.identity("file", spec.part.hand))
 
 
-def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None) -> DrivenMirror:
-    """A reflector under the scene's bezel, aimed as the scene says."""
+def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None, designed: Mirror | None = None,
+               ) -> DrivenMirror:
+    """A reflector under the scene's bezel, aimed as the scene says; `designed` : the mirror of `spec`, where it is at hand."""
     reflector = visible_aperture(whole, MM * scene.mirror.bezel_over_m)
     eyes, host, pose = eyes_of(scene), host_vehicle_of(scene), pose_of(scene)
     if scene.mirror.yaw_deg is None:
         wanted = scene.aim or AimSection()
         pose = aimed(reflector, pose, eyes.middle, host.rear_edge(pose.hand), Aim(wanted.flank_share, wanted.horizon_share))
-    mirror = DrivenMirror(name, whole, reflector, pose, eyes, host, spec)
+    mirror = DrivenMirror(name, whole, reflector, pose, eyes, host, spec, designed=designed)
     mirror.views  # noqa: B018  an eye that cannot look into it is refused here
     return mirror
 

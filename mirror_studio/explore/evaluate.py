@@ -71,7 +71,7 @@ def _in_use(raw: dict[str, Any], folder: str, scene: str | None) -> tuple[Mirror
     if scene is None:
         return spec, ViewingSetup.of(spec, mirror.box).in_use(reflector, mirror)
     loaded, asked = _scene(scene)
-    return spec, in_use(on_vehicle(spec.name, reflector, loaded, spec), asked)
+    return spec, in_use(on_vehicle(spec.name, reflector, loaded, spec, mirror), asked)
 
 
 @lru_cache(maxsize=4)

@@ -11,7 +11,7 @@ from raytrace.reflector import Reflector
 from raytrace.surfaces.base import Box
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge import RayFunction, edge_of
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | N
     edge = edge_of(view)
     if len(edge.places) == 0:
         return None
-    _, _, traced = edge.crossings(lambda points, _: points[:, 1])
+    _, _, traced = edge.crossings(RayFunction.of(point=np.array([0.0, 1.0, 0.0])))
     if len(traced.points) < 2:
         return None
     x = traced.on_mirror[:, 0]

@@ -13,7 +13,7 @@ from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.edge import Edge, RayFunction, edge_of
 from raytrace.visibility.image_points import follow_image_points
 from raytrace.visibility.occlusion import unhidden
 
@@ -133,9 +133,6 @@ class _Circle:
     normal: Array
     start: Array
 
-    def off(self, directions: Array) -> Array:
-        return directions @ self.normal
-
     def angles(self, directions: Array) -> Array:
         result: Array = np.arctan2(directions @ np.cross(self.normal, self.start), directions @ self.start)
         return result
@@ -150,7 +147,7 @@ def _seen(edge: Edge, circle: _Circle, host: HostVehicle | None) -> tuple[Interv
     """The intervals of a circle that the mirror shows, and those of them that the host vehicle does not hide."""
     if len(edge.places) == 0:
         return (), ()
-    _, places, traced = edge.crossings(lambda points, directions: circle.off(directions))
+    _, places, traced = edge.crossings(RayFunction.of(direction=circle.normal))
     # Counted from the middle of what is shown, so that no interval runs over ±180° but one of what shows that too.
     ahead = edge.middle()
     middle = float(circle.angles(ahead[None])[0])

@@ -13,7 +13,7 @@ from raytrace.measures.registry import Measure, register, register_family
 from raytrace.viewing.aim import Aim, shown_aim
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View, box_of
-from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.edge import LEVEL, Edge, RayFunction, edge_of
 from raytrace.visibility.intervals import IntervalSet, intersection, union
 from raytrace.visibility.plan import Polygon, outlines, visible_intervals
 
@@ -223,9 +223,9 @@ def horizon_margin(view: View, host: HostVehicle) -> HorizonMargin:
     edge = edge_of(view)
     aim = shown_aim(view.reflector, view.pose, view.eye, host.rear_edge(view.pose.hand))
     x_min, x_max, y_min, y_max = box_of(view.reflector)
-    middle = 0.5 * (x_min + x_max)
-    _, _, ends = edge.crossings(lambda points, directions: view.pose.to_mirror(points)[:, 0] - middle)
-    k, _, _ = edge.crossings(lambda points, directions: directions[:, 2])
+    middle, across = 0.5 * (x_min + x_max), view.pose.rotation[:, 0]
+    _, _, ends = edge.crossings(RayFunction.of(-middle - float(view.pose.offset @ across), point=across))
+    k, _, _ = edge.crossings(LEVEL)
     along = np.abs(edge.places[edge.following[k]] - edge.places[k])
     sides = bool((along[:, 1] > along[:, 0]).all())
     if len(ends.points) < 2 or not np.isfinite(aim.horizon):

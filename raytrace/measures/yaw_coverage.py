@@ -14,7 +14,7 @@ from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge import LEVEL, edge_of
 from raytrace.visibility.orientation import orientation
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle
             may_fold = shown.converging  # what is nowhere concave does not become so by being turned
             if shown.twice:
                 continue
-        _, _, level = edge_of(middle).crossings(lambda points, directions: directions[:, 2])
+        _, _, level = edge_of(middle).crossings(LEVEL)
         azimuth = np.mod(np.arctan2(side_of(middle) * level.directions[:, 1], -level.directions[:, 0]), 2.0 * np.pi)
         if len(azimuth):
             found[k, :2] = azimuth.min(), azimuth.max()

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
+from raytrace.kernels.eye_rays import Sheet
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.differentials import reflected_differentials, traced_differentials
 from raytrace.surfaces.rim import Curve
@@ -177,6 +178,11 @@ class OpticalSurface(ABC):
     def extends(self) -> bool:
         """Whether `untrimmed` goes on beyond the outline."""
         return False
+
+    @property
+    def sheet(self) -> Sheet | None:
+        """Itself as one sheet z(x, y) of which rays of an eye are found without a search; None for what is none."""
+        return None
 
     def is_above(self, points: Array, margin_mm: float) -> bool:
         """Whether all points (n, 3) are known to lie below it, in its own column and no higher than the margin."""

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
 from raytrace.kernels import first_hit, newton
+from raytrace.kernels.eye_rays import Sheet, surface_points
 from raytrace.kernels.first_hit import Pieces
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
@@ -58,6 +59,16 @@ class BSplineFace(BoundedFace):
     def height_field(self) -> HeightField | None:
         """The surface as z(x, y) where its parameters are x and y themselves and z looks outward; else None."""
         return HeightField.of(self.surface) if self.sign > 0 else None
+
+    @cached_property
+    def sheet(self) -> Sheet | None:  # type: ignore[override]  # worked out once
+        """Itself as one sheet z(x, y), with its trimming; None where it is none."""
+        field, trimming = self.height_field, self.trimming
+        if field is None:
+            return None
+        return Sheet(field.powers, field.coefficients, field.ends_x, field.ends_y, field.middle_x, field.middle_y,
+                     field.lookup_x, field.lookup_y, field.top, field.bottom, field.steepest, field.bend, self.one_sided,
+                     trimming.first, trimming.edges, trimming.low, trimming.inverse_height)
 
     @cached_property
     def is_graph(self) -> bool:
@@ -196,6 +207,14 @@ class BSplineFace(BoundedFace):
     def prepared(self) -> BSplineFace:
         _ = self.trimming
         return self
+
+    def points_over(self, x: Array, y: Array) -> Array:
+        if self.sheet is None:
+            return super().points_over(x, y)
+        points = surface_points(self.sheet, np.stack([x, y], axis=1))[:, :3]
+        u_min, u_max, v_min, v_max = self.surface.domain
+        points[~((x >= u_min) & (x <= u_max) & (y >= v_min) & (y <= v_max))] = np.nan
+        return points
 
     def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
         return self.surface.evaluate(x, y) - eye if self.is_graph else super().eye_rays(eye, x, y)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raytrace.errors import TraceError
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
+from raytrace.roots import roots
 from raytrace.trace import reflect
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import box_of
@@ -22,8 +23,7 @@ TILT = 1e-4  # radians: the derivatives by central differences
 MAX_STEPS = 30
 LONGEST_STEP = np.radians(10.0)
 MAX_TURN = np.radians(80.0)  # a mirror turned farther faces the road ahead, or the sky
-SPLIT = 65  # places of an interval that is searched for a root; each round leaves a 64th
-ROUNDS = 9  # below rounding
+SPLIT = 65  # places of an interval that is searched for a change of sign
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,12 +189,11 @@ def _straight_back(reflector: Reflector, pose: Pose, eye: Array, place: Array) -
 
 def _root(function: Callable[[Array], Array], low: float, high: float) -> float:
     """Where a function (n,) -> (n,) changes its sign first between low and high; NaN where it does not."""
-    for _ in range(ROUNDS):
-        x = np.linspace(low, high, SPLIT)
-        values = function(x)
-        crossing = np.flatnonzero(values[:-1] * values[1:] <= 0.0)
-        if crossing.size == 0:
-            return float("nan")
-        low, high = x[crossing[0]], x[crossing[0] + 1]
-    return 0.5 * (low + high)
-
+    x = np.linspace(low, high, SPLIT)
+    values = function(x)
+    crossing = np.flatnonzero(values[:-1] * values[1:] <= 0.0)
+    if crossing.size == 0:
+        return float("nan")
+    low, high = x[crossing[0]], x[crossing[0] + 1]
+    share = roots(lambda t: function(low + t * (high - low)), values[crossing[:1]], values[crossing[:1] + 1])
+    return float(low + share[0] * (high - low))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import TraceError
+from raytrace.kernels import eye_rays
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.surfaces.base import Box
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 THICKNESS = 10.0  # mm behind the face that count as inside the mirror
+ONE_BY_ONE = 128  # rays up to which a sheet's are traced one by one: handing out blocks costs as much as that
 EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
 
 
@@ -131,6 +133,9 @@ class View:
 
     def trace_places(self, places: Array) -> TracedRays:
         """Trace the eye's rays through points (n, 2) of the picture plane, mm."""
+        sheet = self.reflector.surface.sheet if len(places) <= ONE_BY_ONE and self.reflector.obstacles is None else None
+        if sheet is not None:
+            return TracedRays(*eye_rays.trace(sheet, self.eye_in_mirror, places, self.pose.rotation, self.pose.offset))
         rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - self.eye_in_mirror
         trace = reflect(self.reflector, self.eye_in_mirror, rays)
         return TracedRays(trace.status, self.pose.to_vehicle(trace.points),

@@ -9,14 +9,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import eye_rays
+from raytrace.kernels import sign_changes as kernel
+from raytrace.kernels.eye_rays import Sheet
+from raytrace.kernels.loops import loops
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
+from raytrace.roots import SETTLED, roots
 from raytrace.surfaces.base import BoundedFace
 from raytrace.surfaces.rim import AROUND, Evaluate
 from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import Mask, TracedRays, View
 from raytrace.visibility.image_points import image_points
-from raytrace.visibility.sign_changes import lowest, may_cross
+from raytrace.visibility.sign_changes import BESIDE_CELL, NEAR_ZERO, lowest
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,8 +34,35 @@ BESIDE = 0.1  # of the width and height of what is known of the outline: where i
 REFINED = 1  # times: each halves the distance
 SPLIT, ROUNDS = 4, 14  # parts of their distance, one of which is left each time: 2e-8 mm in the end
 RIM = 0.5  # the cosine of the turn against the mirror's z from which a face is a rim: mirrors slope by less than 60°
-MAX_STEPS = 80  # halving alone takes 37
-SETTLED = 1e-11  # of the bracket: a root that is known to less is found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RayFunction:
+    """Functions f0 + f1..3·q + f4..6·d + f7..9·(q × d) of rays from q along unit d.
+
+    Whatever says on which side of a point, a line or a plane a ray passes is one of them.
+    coefficients (1, 10), or (n, 10) for n rays.
+    """
+
+    coefficients: Array
+
+    @staticmethod
+    def of(constant: Array | float = 0.0, point: Array | None = None, direction: Array | None = None,
+           moment: Array | None = None) -> RayFunction:
+        """By f0, f1..3, f4..6 and f7..9: (3,) or (n, 3); 0 where left out."""
+        parts = [np.atleast_2d(np.asarray(constant, dtype=np.float64).reshape(-1, 1)),
+                 *(np.zeros((1, 3)) if part is None else np.atleast_2d(part) for part in (point, direction, moment))]
+        n = next((len(part) for part in parts if len(part) != 1), 1)
+        return RayFunction(np.concatenate([np.broadcast_to(part, (n, part.shape[1])) for part in parts], axis=1))
+
+    def __call__(self, points: Array, directions: Array) -> Array:
+        """Values (n,) of rays from points (n, 3) along directions (n, 3)."""
+        found = np.empty(len(points))
+        eye_rays.values(self.coefficients, points, directions, found)
+        return found
+
+
+LEVEL = RayFunction.of(direction=np.array([0.0, 0.0, 1.0]))  # above 0 for rays that rise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +85,7 @@ class Edge:
         in which direction.
     following : (n,), the index of the next vertex of the same loop; what reflects lies on one side.
     way : points (m, 2) of the edge, mm, at shares (m,) of the way from vertices (m,) to the next.
+    sheet_rim : the sheet and its rim, where it is that of one sheet z(x, y), of whose rays no search is made; else None.
     """
 
     of: View
@@ -64,6 +97,7 @@ class Edge:
     directions: Array
     following: Index
     way: Callable[[Index, Array], Array]
+    sheet_rim: tuple[Sheet, eye_rays.Rim] | None = None
 
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
         """Trace rays through points of the edge between its vertices.
@@ -79,6 +113,13 @@ class Edge:
         traced : what the rays there do. Where an edge that was looked for is hollow, on a straight way between the rays of its
             vertices.
         """
+        if self.sheet_rim is not None:
+            sheet, rim = self.sheet_rim
+            surface = eye_rays.surface_points(sheet, eye_rays.rim_places(rim, k, t))
+            pose = self.view.pose
+            sure = eye_rays.reflected(sheet, self.view.eye_in_mirror, surface, pose.rotation, pose.offset)
+            if sure is not None:
+                return sure[0], TracedRays(np.zeros(len(k), dtype=np.int8), *sure[1:], surface[:, :3])
         places = self.way(k, t)
         traced = self.view.trace_places(places)
         lost = ~(traced.seen if self.beyond else _shows(self.view, places, traced))
@@ -95,15 +136,8 @@ class Edge:
 
     def rings(self) -> tuple[Index, ...]:
         """The vertices of each of the loops, in their order."""
-        following = self.following.tolist()
-        waiting, found = set(range(len(following))), []
-        while waiting:
-            ring = [min(waiting)]
-            while (after := following[ring[-1]]) != ring[0]:
-                ring.append(after)
-            waiting.difference_update(ring)
-            found.append(np.array(ring, dtype=np.intp))
-        return tuple(found)
+        order, ends = loops(self.following)
+        return tuple(np.split(order, ends))
 
     def along(self, ring: Index, place: Array) -> tuple[Array, TracedRays]:
         """`between` at points (m,) of one of the `rings`, counted in vertices, round and round."""
@@ -120,13 +154,13 @@ class Edge:
 
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
-        traced = self.view.trace_places(self.places.mean(axis=0)[None])
-        mean: Array = self.directions.mean(axis=0)
-        return traced.directions[0] if traced.seen[0] else mean
+        n = len(self.places)
+        traced = self.view.trace_places(np.add.reduce(self.places)[None] / n)
+        return traced.directions[0] if traced.seen[0] else np.add.reduce(self.directions) / n
 
     def shows_more_than_half(self, middle: Array) -> bool:
         """Whether directions may be shown that are opposite to each other; `middle` (3,) as the method of that name has it."""
-        return bool((self.directions @ middle <= 0.0).any())
+        return bool((self.directions @ middle).min() <= 0.0)
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
         """Find where a function of the rays changes its sign along the edge, on exact rays.
@@ -146,8 +180,8 @@ class Edge:
         """
         now = value(self.points, self.directions)
         after = now[self.following]
-        k = np.flatnonzero((now > 0.0) != (after > 0.0))
-        turned, share, there = self._turns(now, value)
+        k, may_turn = kernel.along_loops(now, self.places, self.following, NEAR_ZERO, BESIDE_CELL)
+        turned, share, there = self._turns(may_turn, now, value)
         if turned.size == 0:
             return k, *self.settle(k, now[k], after[k], value)
         every = np.concatenate([k, turned, turned])
@@ -156,18 +190,11 @@ class Edge:
         return every, *self.settle(every, np.concatenate([now[k], now[turned], there]),
                                    np.concatenate([after[k], there, after[turned]]), value, low, high)
 
-    def _turns(self, now: Array, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Array]:
-        """Where a function, `now` (n,) at the vertices, has the other sign between two vertices than at both.
+    def _turns(self, k: Index, now: Array, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, Array]:
+        """Where a function, `now` (n,) at the vertices, has the other sign after some vertices k than at both.
 
-        After which vertices (m,), at which shares of the way to the next, and with which values.
+        After which of them (m,), at which shares of the way to the next, and with which values.
         """
-        before = np.empty_like(self.following)
-        before[self.following] = np.arange(len(before))
-        near = np.stack([now[before], now, now[self.following]])
-        length = np.linalg.norm(self.places[self.following] - self.places, axis=1)
-        at = np.stack([-length[before], np.zeros_like(length), length])
-        first, second = may_cross(at, near)
-        k = np.union1d(before[np.flatnonzero(first)], np.flatnonzero(second))
         if k.size == 0:
             return k, np.zeros(0), np.zeros(0)
         sign = np.where(now[k] > 0.0, 1.0, -1.0)
@@ -197,6 +224,14 @@ class Edge:
         places : (m, 2), mm, of the picture plane.
         traced : the rays there.
         """
+        if isinstance(value, RayFunction) and self.sheet_rim is not None and len(k):
+            whole = np.zeros(len(k))
+            pose = self.view.pose
+            share = eye_rays.rim_roots(*self.sheet_rim, self.view.eye_in_mirror, pose.rotation, pose.offset,
+                                       value.coefficients, k, whole + low, whole + high, at_low, at_high, SETTLED)
+            if share is not None:
+                return self.between(k, share)
+
         def at(t: Array) -> Array:
             _, traced = self.between(k, low + t * (high - low))
             return value(traced.points, traced.directions)
@@ -223,7 +258,14 @@ def edge_of(view: View) -> Edge:
     face = _shown_face(view)
     rim = None if face is None else _rim(face)
     if face is not None and rim is not None:
-        whole = replace(view, reflector=_alone(face).untrimmed)
+        # What is one face already has its sheet at hand.
+        whole = view.untrimmed if face is view.reflector.surface else replace(view, reflector=_alone(face).untrimmed)
+        sheet = whole.reflector.surface.sheet
+        if sheet is not None and not _stands_before(view, rim.points):
+            sure = eye_rays.reflected(sheet, view.eye_in_mirror, _on_sheet(face), view.pose.rotation, view.pose.offset)
+            if sure is not None:
+                return Edge(view, whole, True, True, *sure, rim.following, lambda k, t: view.places_of(rim.at(k, t)),
+                            (sheet, rim.pieces))
         places = view.places_of(rim.points)
         traced = whole.trace_places(places)
         if traced.seen.all() and np.linalg.norm(traced.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
@@ -298,6 +340,11 @@ class _Rim:
     points: Array
     following: Index
 
+    @property
+    def pieces(self) -> eye_rays.Rim:
+        """As the kernels take it."""
+        return eye_rays.Rim(self.start, self.end, self.first, self.count)
+
     def at(self, k: Index, t: Array) -> Array:
         """Points (m, 3) at shares t (m,) of the way from vertices k (m,) to the following ones, piece by piece."""
         along = t * self.count[k]
@@ -328,6 +375,15 @@ def _rim(face: BoundedFace) -> _Rim | None:
         pieces, vertices = pieces + len(length), vertices + len(at)
     begin = np.concatenate(first)
     return _Rim(evaluate, start, end, begin, np.concatenate(count), evaluate(*start[begin].T), np.concatenate(following))
+
+
+@lru_cache(maxsize=8)
+def _on_sheet(face: BoundedFace) -> Array:
+    """The vertices of a face's rim as `eye_rays.surface_points` has them: the same for every eye."""
+    rim, sheet = _rim(face), face.sheet
+    assert rim is not None
+    assert sheet is not None
+    return eye_rays.surface_points(sheet, rim.start[rim.first])
 
 
 def _grid(view: View) -> Array:
@@ -439,45 +495,3 @@ def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
         last = np.argmin(np.concatenate([seen, np.zeros((len(seen), 1), dtype=np.bool_)], axis=1), axis=1)
         inside, outside = at[row, last], at[row, last + 1]
     return inside
-
-
-def roots(function: Callable[[Array], Array], at_low: Array, at_high: Array) -> Array:
-    """Find where functions vanish between 0 and 1.
-
-    A secant first, then inverse quadratic interpolation where three values allow it, halving elsewhere.
-
-    Parameters
-    ----------
-    function : (m,) to (m,), one function a row.
-    at_low, at_high : (m,), their values at 0 and at 1, of opposite signs.
-
-    Returns
-    -------
-    (m,), to 1e-11.
-
-    References
-    ----------
-    Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function, Advances in
-    Engineering Software 28 (1997).
-    """
-    here, other = np.zeros_like(at_low), np.ones_like(at_low)
-    at_here, at_other = at_low, at_high
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(at_low == at_high, 0.5, at_low / (at_low - at_high))  # a straight line: most are nearly that
-    for _ in range(MAX_STEPS):
-        there = here + share * (other - here)
-        now = function(there)
-        beside = (now > 0.0) == (at_here > 0.0)
-        third, at_third = np.where(beside, here, other), np.where(beside, at_here, at_other)
-        other, at_other = np.where(beside, other, here), np.where(beside, at_other, at_here)
-        here, at_here = there, now
-        least = np.minimum(0.5, SETTLED / np.maximum(np.abs(other - here), SETTLED))
-        if ((least >= 0.5) | (at_here == 0.0)).all():
-            break
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x, y = (here - other) / (third - other), (at_here - at_other) / (at_third - at_other)
-            quadratic = (at_here / (at_other - at_here) * at_third / (at_other - at_third)
-                         + (third - here) / (other - here) * at_here / (at_third - at_here) * at_other / (at_third - at_other))
-        share = np.where((y * y < x) & ((1.0 - y) ** 2 < 1.0 - x), np.clip(quadratic, least, 1.0 - least), 0.5)
-        share = np.where(at_here == 0.0, 0.0, share)
-    return np.where(np.abs(at_here) <= np.abs(at_other), here, other)

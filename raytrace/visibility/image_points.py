@@ -7,10 +7,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import eye_rays
 from raytrace.kernels import image_points as kernel
 from raytrace.parallel import parallel_for
+from raytrace.surfaces.base import Box, OpticalSurface
 from raytrace.trace import reflect
-from raytrace.viewing.view import TracedRays, View
+from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -56,10 +58,11 @@ def image_points(view: View, targets: Array, at_infinity: bool = False) -> tuple
     if len(targets) == 0:
         return found, shown
     wanted = targets / np.linalg.norm(targets, axis=1, keepdims=True) if at_infinity else targets
-    at, _, passes = _solve(view.untrimmed, _nearest(view, wanted, at_infinity), wanted, at_infinity, MAX_STEPS)
+    at, leaving, passes = _solve(view.untrimmed, _nearest(view, wanted, at_infinity), wanted, at_infinity, MAX_STEPS)
     index = np.flatnonzero(passes <= PASSES_BY)
     found[index] = at[index]
-    shown[index] = view.trace_places(found[index]).seen
+    sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
+    shown[index] = view.trace_places(found[index]).seen if sheet is None else eye_rays.inside(sheet, leaving[index])
     return found, shown
 
 
@@ -82,13 +85,18 @@ def follow_image_points(view: View, starts: Array, targets: Array, at_infinity: 
     at, leaving, passes = _solve(view, starts, targets, at_infinity, MAX_FOLLOWING_STEPS)
     lost = ~(passes < FOLLOWED_BY)
     at[lost], leaving[lost] = np.nan, np.nan
-    return at, leaving
+    return at, view.pose.to_vehicle(leaving)
 
 
 def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_steps: int) -> tuple[Array, Array, Array]:
-    """The best points (n, 2) that Newton reaches, where their rays leave (n, 3), and by what angles they pass (n,)."""
+    """The best points (n, 2) that Newton reaches, where their rays leave the mirror (n, 3), and by how much they pass (n,)."""
     n, size, eye, reflector = len(starts), view.box[1] - view.box[0], view.eye_in_mirror, view.reflector
     wanted = np.ascontiguousarray(view.pose.directions_to_mirror(targets) if at_infinity else view.pose.to_mirror(targets))
+    sheet = reflector.surface.sheet
+    if sheet is not None and reflector.obstacles is None:
+        return eye_rays.image_points(
+            sheet, eye, np.ascontiguousarray(starts), wanted, at_infinity, max_steps, SETTLED, PASSES_BY, SMALLEST_STEP * size,
+            LONGEST_STEP * size, HALVED_TO)
     best, kept, leaving = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan)
     # Of the rays that are still going: which they are, where they are, their last steps and how short these may become.
     going = np.flatnonzero(np.isfinite(starts).all(axis=1) & np.isfinite(wanted).all(axis=1))
@@ -112,20 +120,44 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
         on = np.flatnonzero((moving > 0) & (np.abs(steps).max(axis=1) > np.maximum(SMALLEST_STEP * size, shortest)))
         going, steps, shortest = going[on], steps[on], shortest[on]
         at = kept[going] + steps
-    return kept, view.pose.to_vehicle(leaving), best
+    return kept, leaving, best
 
 
 @lru_cache(maxsize=8)
-def _start_rays(view: View) -> tuple[Array, TracedRays]:
-    """Points (m, 2) of a grid over the mirror and beside it, those that the sheet reflects at, and their rays."""
-    x_min, x_max, y_min, y_max = view.box
+def _start_rays(view: View) -> tuple[Array, Array, Array]:
+    """Points (m, 2) of a grid over the mirror and beside it, those that the sheet reflects at, and their rays.
+
+    Where these leave, (m, 3), and their unit directions then.
+    """
+    untrimmed = view.untrimmed
+    sheet = untrimmed.reflector.surface.sheet
+    if sheet is not None:  # the points of the sheet itself over the grid: the same for every eye
+        surface = _grid_on_sheet(untrimmed.reflector.surface, view.box)
+        sure = eye_rays.reflected(sheet, view.eye_in_mirror, surface, view.pose.rotation, view.pose.offset)
+        if sure is not None:
+            return sure
+    x, y = _start_grid(view.box)
+    starts = view.places_of(np.stack([x, y, np.zeros(x.size)], axis=1))
+    traced = untrimmed.trace_places(starts)
+    seen = traced.seen
+    return starts[seen], traced.points[seen], traced.directions[seen]
+
+
+def _start_grid(box: Box) -> tuple[Array, Array]:
+    x_min, x_max, y_min, y_max = box
     more_x, more_y = BEYOND * (x_max - x_min), BEYOND * (y_max - y_min)
     x, y = np.meshgrid(np.linspace(x_min - more_x, x_max + more_x, START_GRID),
                        np.linspace(y_min - more_y, y_max + more_y, START_GRID))
-    starts = view.places_of(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1))
-    traced = view.untrimmed.trace_places(starts)
-    seen = traced.seen
-    return starts[seen], TracedRays(traced.status[seen], traced.points[seen], traced.directions[seen], traced.on_mirror[seen])
+    return x.ravel(), y.ravel()
+
+
+@lru_cache(maxsize=8)
+def _grid_on_sheet(surface: OpticalSurface, box: Box) -> Array:
+    """The start grid as `eye_rays.surface_points` has it, without what lies beside the sheet."""
+    at = np.stack(_start_grid(box), axis=1)
+    assert surface.sheet is not None
+    found = eye_rays.surface_points(surface.sheet, at)
+    return found[(found[:, :2] == at).all(axis=1)]
 
 
 def _nearest(view: View, targets: Array, at_infinity: bool) -> Array:
@@ -133,10 +165,9 @@ def _nearest(view: View, targets: Array, at_infinity: bool) -> Array:
 
     At infinity, those that leave most nearly along unit directions (n, 3). NaN where the mirror reflects nothing.
     """
-    starts, first = _start_rays(view)
+    starts, points, directions = _start_rays(view)
     if len(starts) == 0:
         return np.full((len(targets), 2), np.nan)
     index = np.empty(len(targets), dtype=np.intp)
-    parallel_for(lambda i, j: kernel.nearest_rays(targets[i:j], at_infinity, first.points, first.directions, index[i:j]),
-                 len(targets))
+    parallel_for(lambda i, j: kernel.nearest_rays(targets[i:j], at_infinity, points, directions, index[i:j]), len(targets))
     return starts[index]

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels.intervals import swept
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -73,17 +75,11 @@ def combined(keep: Callable[..., Mask], *sets: IntervalSet) -> IntervalSet:
     """
     row = np.concatenate([row for spans in sets for row in (spans.row, spans.row)])
     at = np.concatenate([end for spans in sets for end in (spans.low, spans.high)])
-    steps = np.concatenate([sign * np.eye(len(sets), dtype=np.int32)[[k] * len(spans.row)]
-                            for k, spans in enumerate(sets) for sign in (1, -1)])
-    order = np.lexsort((at, row))
-    row, at = row[order], at[order]
-    kept = keep(*(np.cumsum(steps[order], axis=0) > 0)[:-1].T) & (row[1:] == row[:-1]) & (at[1:] > at[:-1])
-    k = np.flatnonzero(kept)
-    fresh = np.ones(len(k), dtype=np.bool_)
-    fresh[1:] = (row[k[1:]] != row[k[:-1]]) | (at[k[1:]] != at[k[:-1] + 1])
-    first = np.flatnonzero(fresh)
-    last = np.append(first[1:], len(k))[:len(first)] - 1
-    return IntervalSet(row[k[first]], at[k[first]], at[k[last] + 1])
+    of = np.repeat(np.arange(2 * len(sets)), [len(spans.row) for spans in sets for _ in range(2)])
+    # What `keep` says of each combination of flags: bit k for set k.
+    every = np.arange(1 << len(sets))
+    wanted = np.asarray(keep(*((every >> k & 1).astype(np.bool_) for k in range(len(sets)))), dtype=np.bool_)
+    return IntervalSet(*swept(row, at, of, np.lexsort((at, row)), wanted))
 
 
 def union(a: IntervalSet, b: IntervalSet) -> IntervalSet:

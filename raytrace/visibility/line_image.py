@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
-from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.edge import Edge, RayFunction, edge_of
 from raytrace.visibility.image_points import follow_image_points, image_points
 from raytrace.visibility.occlusion import unhidden
 from raytrace.visibility.plan import beside
@@ -160,7 +160,7 @@ class LineView:
         on_mirror : (k, 3), mm, in mirror coordinates.
         """
         start, u = self.line.start, self.line.direction
-        _, places, traced = self.edge.crossings(lambda q, d: np.einsum("ij,ij->i", q - start, np.cross(u, d)))
+        _, places, traced = self.edge.crossings(RayFunction.of(direction=-np.cross(start, u), moment=-u))
         across = np.cross(u, traced.directions)
         from_start = traced.points - start
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.roots import roots
 from raytrace.viewing.vehicle import HostVehicle
-from raytrace.visibility.edge import roots
 from raytrace.visibility.intervals import IntervalSet
 from raytrace.visibility.sign_changes import lowest, may_cross
 

@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import plan as kernel
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
-from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge import Edge, RayFunction
 from raytrace.visibility.image_points import follow_image_points
 from raytrace.visibility.intervals import IntervalSet, combined, union
 from raytrace.visibility.occlusion import unhidden
@@ -86,25 +87,15 @@ def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
     above the plane for l it is the angle that the mirror sees the line at, which changes little between neighbours also below
     the mirror.
     """
-    near = float(np.median(edge.points[:, axis]))
-    above = max(float(np.median(np.abs(edge.points[:, 2] - height_mm))), LEAST_HEIGHT_MM)
-
-    def over(points: Array, directions: Array, value: Array | float) -> Array:
-        result: Array = (value - points[:, axis]) * directions[:, 2] - (height_mm - points[:, 2]) * directions[:, axis]
-        return result
-
-    angle = np.arctan2(-above * edge.directions[:, 2], over(edge.points, edge.directions, near))
-    wanted = np.arctan2(above, values - near)[::-1]  # rising
-    after = angle[edge.following]
-    short = np.abs(after - angle) < WRAP
-    first, stop = (np.searchsorted(wanted, ends(angle, after), "left") for ends in (np.minimum, np.maximum))
-    count = np.where(short, stop - first, 0)
-    k = np.repeat(np.arange(len(angle)), count)
-    row = len(values) - 1 - (first[k] + np.arange(len(k)) - np.repeat(np.cumsum(count) - count, count))
-    value = values[row]
-    places, traced = edge.settle(k, over(edge.points[k], edge.directions[k], value),
-                                over(edge.points[edge.following[k]], edge.directions[edge.following[k]], value),
-                                lambda points, directions: over(points, directions, value))
+    k, row = kernel.swept_lines(edge.points, edge.directions, edge.following, axis, height_mm, values, LEAST_HEIGHT_MM, WRAP)
+    # On which side a ray passes the line: (value − q_axis)·d_z − (height − q_z)·d_axis.
+    coefficients = np.zeros((len(row), 10))
+    coefficients[:, 6], coefficients[:, 4 + axis] = values[row], -height_mm
+    coefficients[:, 8 if axis == 0 else 7] = 1.0 if axis == 0 else -1.0
+    side = RayFunction(coefficients)
+    after = edge.following[k]
+    places, traced = edge.settle(k, side(edge.points[k], edge.directions[k]), side(edge.points[after], edge.directions[after]),
+                                 side)
     across = 1 - axis
     reach = (height_mm - traced.points[:, 2]) / traced.directions[:, 2]
     other = traced.points[:, across] + reach * traced.directions[:, across]
@@ -213,12 +204,19 @@ def outlines(spans: IntervalSet, values: Array) -> tuple[Polygon, ...]:
     -------
     Polygons (n, 2) of (value, point on the line), mm.
     """
-    first = np.searchsorted(spans.row, np.arange(len(values) + 1))
+    first = np.searchsorted(spans.row, np.arange(len(values) + 1)).tolist()
+    lows, highs, places = spans.low.tolist(), spans.high.tolist(), values.tolist()
     done: list[tuple[list[tuple[float, float]], list[tuple[float, float]]]] = []
     growing: dict[int, int] = {}  # interval -> polygon
     for row in range(len(values)):
         here = range(first[row], first[row + 1])
-        overlaps = {k: [j for j in growing if spans.low[j] < spans.high[k] and spans.high[j] > spans.low[k]] for k in here}
+        if len(here) == len(growing) == 1:  # by far the most lines: one interval goes on
+            (j, polygon), k = next(iter(growing.items())), here[0]
+            if lows[j] < highs[k] and highs[j] > lows[k]:
+                _grow(done[polygon], places[row], lows[k], highs[k])
+                growing = {k: polygon}
+                continue
+        overlaps = {k: [j for j in growing if lows[j] < highs[k] and highs[j] > lows[k]] for k in here}
         followers = {j: [k for k in here if j in overlaps[k]] for j in growing}
         next_growing = {}
         for k in here:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import sign_changes as kernel
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -30,17 +32,10 @@ def may_cross(at: Array, values: Array) -> tuple[Mask, Mask]:
     -------
     Whether between the first and the second, and between the second and the third, (…, n) each.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        left, right = (values[1] - values[0]) / (at[1] - at[0]), (values[2] - values[1]) / (at[2] - at[1])
-        bend = (right - left) / (at[2] - at[0])
-        top = 0.5 * (at[0] + at[1]) - left / (2.0 * bend)
-        least = values[1] + (top - at[1]) * (left + bend * (top - at[0]))
-        room = NEAR_ZERO * (values.max(axis=0) - values.min(axis=0))
-        found = []
-        for k in (0, 1):
-            wide, sign = BESIDE_CELL * (at[k + 1] - at[k]), np.sign(values[k])
-            found.append(((values[k] > 0.0) == (values[k + 1] > 0.0)) & (sign * bend > 0.0) & (top > at[k] - wide)
-                         & (top < at[k + 1] + wide) & (sign * least <= room))
+    shape = values.shape[1:]
+    found = np.empty((2, *shape), dtype=np.bool_)
+    rows = np.ascontiguousarray(values.reshape(3, -1, shape[-1]))
+    kernel.may_cross(np.ascontiguousarray(at), rows, NEAR_ZERO, BESIDE_CELL, found.reshape(2, -1, shape[-1]))
     return found[0], found[1]
 
 

@@ -1,0 +1,171 @@
+"""The loops that are compiled for one sheet find what the same steps, taken over all rays at once, find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from raytrace.kernels.eye_rays import Sheet
+from raytrace.kernels.intervals import swept
+from raytrace.kernels.loops import loops
+from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
+from raytrace.viewing.pose import Pose
+from raytrace.viewing.ray_differentials import ray_differentials
+from raytrace.viewing.view import View
+from raytrace.visibility.edge import LEVEL, RayFunction, edge_of
+from raytrace.visibility.image_points import follow_image_points, image_points
+from tests.conftest import designed
+
+Array = NDArray[np.float64]
+
+EYE = np.array([0.0, -490.0, 1900.0])
+CENTRE = np.array([-540.0, -1010.0, 1760.0])
+POSES = {"left": Pose(CENTRE, np.zeros(3), np.radians(17.0), np.radians(-3.0)),
+         "right": Pose(CENTRE, np.zeros(3), np.radians(17.0), np.radians(-3.0), "right")}
+SHAPES = ("progressive-c", "flat", "bowl", "waves")
+
+
+class Searched(BSplineFace):
+    """The same face, for which nothing compiled is at hand: its rays are found as those of any surface are."""
+
+    @property
+    def sheet(self) -> Sheet | None:
+        return None
+
+    def untrimmed(self) -> BSplineFace:
+        return searched(super().untrimmed())
+
+    def points_over(self, x: Array, y: Array) -> Array:
+        return super(BSplineFace, self).points_over(x, y)
+
+
+def searched(face: BSplineFace) -> Searched:
+    return Searched(face.surface, face.loops, face.sign, face.one_sided)
+
+
+def sheet(name: str) -> BSplineFace:
+    """A designed mirror, or one that no law gives: a bowl that enlarges, and waves that a ray may meet more than once."""
+    if name in ("bowl", "waves"):
+        knots = np.concatenate([np.full(6, -130.0), np.linspace(-130.0, 130.0, 12)[1:-1], np.full(6, 130.0)])
+        x = greville_abscissae(knots, 5)
+        at_x, at_y = np.meshgrid(x, x, indexing="ij")
+        z = (at_x**2 + at_y**2) / 6000.0 if name == "bowl" else 4.0 * np.cos(at_x / 25.0) * np.cos(at_y / 30.0)
+        surface = BSplineSurface(5, 5, knots, knots, np.stack([at_x, at_y, z], axis=2), None)
+    else:
+        surface = designed(name).surface
+    t = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    return BSplineFace(surface, (np.stack([90.0 * np.cos(t), 110.0 * np.sin(t)], axis=1),))
+
+
+def views(name: str, hand: str) -> tuple[View, View]:
+    face, pose = sheet(name), POSES[hand]
+    eye = EYE * [1.0, -1.0 if hand == "right" else 1.0, 1.0]
+    return View(Reflector(face), pose, eye), View(Reflector(searched(face)), pose, eye)
+
+
+@pytest.mark.parametrize("hand", POSES)
+@pytest.mark.parametrize("name", SHAPES)
+def test_few_rays_are_traced_as_many_are(name: str, hand: str) -> None:
+    one, other = views(name, hand)
+    places = np.random.default_rng(1).uniform(-170.0, 170.0, (120, 2))
+    places[0], places[1] = np.nan, 1e9
+    here, there = one.trace_places(places), other.trace_places(places)
+    assert np.array_equal(here.status, there.status)
+    assert np.abs(here.points - there.points)[there.seen].max() < 1e-9  # mm
+    assert np.abs(here.directions - there.directions)[there.seen].max() < 1e-12
+    assert np.isnan(here.points[~there.seen]).all()
+
+
+def test_rays_from_the_side_meet_first_what_a_search_finds() -> None:
+    """Grazing rays, and rays that come from below the crests before they meet a wave."""
+    face = replace(sheet("waves"), one_sided=False)
+    pose = Pose.identity()
+    eye = np.array([400.0, 30.0, 12.0])
+    here, there = (View(Reflector(one), pose, eye).trace_places(np.random.default_rng(2).uniform(-120.0, 120.0, (100, 2)))
+                   for one in (face, searched(face)))
+    assert len(set(there.status.tolist())) > 1
+    assert np.array_equal(here.status, there.status)
+    assert np.abs(here.points - there.points)[there.seen].max() < 1e-8  # mm: rays at some degrees to the sheet
+
+
+@pytest.mark.parametrize("hand", POSES)
+@pytest.mark.parametrize("name", ["progressive-c", "flat"])
+def test_newton_finds_the_same_image_points(name: str, hand: str) -> None:
+    one, other = views(name, hand)
+    rng = np.random.default_rng(3)
+    shown = other.untrimmed.trace_places(rng.uniform(-110.0, 110.0, (300, 2))).directions
+    wanted = shown + rng.normal(size=shown.shape) * 0.02  # some of them are shown nowhere
+    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    for targets, at_infinity in ((wanted, True), (other.eye + 3e4 * wanted, False)):
+        (here, inside), (there, inside_2) = (image_points(view, targets, at_infinity) for view in (one, other))
+        assert np.array_equal(inside, inside_2)
+        assert inside.any()
+        assert np.array_equal(np.isfinite(here), np.isfinite(there))
+        assert np.nanmax(np.abs(here - there)) < 1e-8  # mm: the rays agree to 1e-13 rad
+        starts = there + rng.normal(size=there.shape) * 5.0
+        (here, leaving), (there, leaving_2) = (follow_image_points(view, starts, targets, at_infinity) for view in (one, other))
+        both = np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1)
+        assert both.sum() > 0.9 * np.isfinite(there).all(axis=1).sum()
+        assert np.abs(here - there)[both].max() < 1e-7
+        assert np.abs(leaving - leaving_2)[both].max() < 1e-7
+
+
+@pytest.mark.parametrize("hand", POSES)
+@pytest.mark.parametrize("name", SHAPES)
+def test_differentials_are_those_of_any_surface(name: str, hand: str) -> None:
+    one, other = views(name, hand)
+    places = np.random.default_rng(4).uniform(-100.0, 100.0, (80, 2))
+    here, there = ray_differentials(one, places), ray_differentials(other, places)
+    assert np.array_equal(here.seen, there.seen)
+    for part in ("jacobian", "shift", "path_mm"):
+        a, b = getattr(here, part), getattr(there, part)
+        assert np.nanmax(np.abs(a - b) / (1.0 + np.abs(b))) < 1e-11
+        assert np.array_equal(np.isnan(a), np.isnan(b))
+
+
+@pytest.mark.parametrize("hand", POSES)
+@pytest.mark.parametrize("name", ["progressive-c", "flat", "bowl"])
+def test_rays_to_the_rim_cross_where_a_search_finds_them(name: str, hand: str) -> None:
+    edges = [edge_of(view) for view in views(name, hand)]
+    assert edges[0].sheet_rim is not None
+    assert edges[1].sheet_rim is None
+    assert np.abs(edges[0].directions - edges[1].directions).max() < 1e-11
+    rng = np.random.default_rng(5)
+    for function in (LEVEL, RayFunction.of(12.0, point=rng.normal(size=3)),
+                     RayFunction.of(direction=rng.normal(size=3) * 1e3, moment=rng.normal(size=3))):
+        (k, places, traced), (k_2, places_2, traced_2) = (edge.crossings(function) for edge in edges)
+        assert np.array_equal(k, k_2)
+        assert np.abs(places - places_2).max(initial=0.0) < 1e-7
+        assert np.abs(traced.directions - traced_2.directions).max(initial=0.0) < 1e-9
+        size = np.abs(function(edges[0].points, edges[0].directions)).max()
+        assert np.abs(function(traced.points, traced.directions)).max(initial=0.0) < 1e-12 * size
+
+
+def test_a_function_of_rays_is_what_its_formula_says() -> None:
+    rng = np.random.default_rng(6)
+    q, d, p, a, m = rng.normal(size=(5, 20, 3))
+    found = RayFunction.of(rng.normal(size=20), p, a, m)
+    dot = np.einsum("ij,ij->i", p, q) + np.einsum("ij,ij->i", a, d) + np.einsum("ij,ij->i", m, np.cross(q, d))
+    assert np.abs(found(q, d) - found.coefficients[:, 0] - dot).max() < 1e-14
+    assert len(RayFunction.of(direction=np.empty((0, 3)), moment=p[0]).coefficients) == 0
+
+
+def test_loops_are_followed_round() -> None:
+    order, ends = loops(np.array([2, 4, 3, 0, 1], dtype=np.intp))
+    assert order.tolist() == [0, 2, 3, 1, 4]
+    assert ends.tolist() == [3]
+    assert loops(np.empty(0, dtype=np.intp))[0].size == 0
+
+
+def test_ends_that_touch_make_one_interval() -> None:
+    row, at = np.array([0, 0, 0, 0, 1, 1]), np.array([0.0, 1.0, 1.0, 2.0, 2.0, 3.0])
+    of = np.array([0, 1, 2, 3, 0, 1])
+    rows, low, high = swept(row, at, of, np.arange(6), np.array([False, True, True, True]))
+    assert rows.tolist() == [0, 1]
+    assert low.tolist() == [0.0, 2.0]
+    assert high.tolist() == [2.0, 3.0]
