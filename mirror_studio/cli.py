@@ -262,6 +262,39 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
 
 @app.command
+def inspect(data: Path, /, *, against: str, align: Literal["none", "321", "best-fit"] = "best-fit",
+            sigma_mm: float | None = None, gauge_mm: float | None = None, out: Out = None, pdf: Pdf = False,
+            json: Json = False) -> int:
+    """Lay the measured points of a made mirror on its design: deviation of curvature, slope and height, each with its sigma.
+
+    Parameters
+    ----------
+    data
+        Points as CSV, TSV, XYZ or TXT, a mesh, or a CAD file of a surface that was made from points.
+    against
+        The design: a preset, a specification, or a STEP file.
+    align
+        Take the points as they are, by three datum points, or by the best fit to the exact surface.
+    sigma_mm
+        Standard uncertainty of a point along the surface's normal; from the points' own scatter without it.
+    gauge_mm
+        Over which slope and curvature are told; without it 38, a spherometer's.
+    """
+    _start_reader([data, Path(against)])
+    if pdf:
+        from mirror_studio.report.pdf import check_pdf
+
+        check_pdf()
+    from mirror_studio.inspect.run import Asked
+    from mirror_studio.inspect.run import inspect_file as run
+    from mirror_studio.progress import Progress
+
+    asked = Asked(data, against, align, sigma_mm, gauge_mm)
+    content, missed = run(asked, out or Path("exports") / f"{data.stem}-inspection", Progress(), pdf)
+    return _finish(content, missed, json)
+
+
+@app.command
 def measures(*, json: Json = False) -> int:
     """List the measures by name: unit, what they are of, and their definitions; the figures of rules after them."""
     from mirror_studio.rules.figures import rule_figures_known

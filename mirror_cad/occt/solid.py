@@ -115,6 +115,18 @@ def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tu
     return shell, face
 
 
+def trimmed_sheet(surface: BSplineSurface, outline: Outline) -> tuple[TopoDS_Shell, TopoDS_Face]:
+    """The surface inside an outline in (u, v), as an open shell and the face in it.
+
+    Raises: SolidError where the kernel cannot cut it.
+    """
+    face = _face(to_geom_surface(surface), _pcurves(outline))
+    shell, builder = TopoDS_Shell(), BRep_Builder()
+    builder.MakeShell(shell)
+    builder.Add(shell, face)
+    return shell, face
+
+
 # --- topology --------------------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,1 @@
+"""Made mirrors: measured points to the surface they tell of, its curvature, and how sure that is."""

@@ -1,0 +1,1 @@
+"""Measured mirrors: files in, the report of what was made out."""

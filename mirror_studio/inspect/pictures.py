@@ -1,0 +1,109 @@
+"""Draw the deviations of a made mirror over its outline; what is not known stays grey."""
+
+from __future__ import annotations
+
+import io
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from mirror_cad.deviation import QUANTITIES
+from mirror_cad.made.figures import ARCMIN, slope_angles
+from mirror_cad.made.inspection import Inspection
+from mirror_studio.report.maps import DIVERGING, DPI, STYLE, WIDTH_IN
+
+Array = NDArray[np.float64]
+
+UNKNOWN = "#d4d4d0"
+LEAST_SCALE = 1e-9
+
+
+def form_maps(found: Inspection) -> bytes:
+    """Height, slope and the residuals of the points; PNG.
+
+    Parameters
+    ----------
+    found : Inspection
+        The mirror.
+    """
+    fields = found.fields
+    maps = [("height, µm", 1e3 * fields.height, True), ("sigma of height, µm", 1e3 * fields.height_sigma, False),
+            ("slope, arcmin", ARCMIN * slope_angles(found.nominal, fields), False),
+            ("sigma of slope, arcmin", ARCMIN * fields.slope_sigma, False)]
+    return _row(found, maps)
+
+
+def curvature_maps(found: Inspection) -> bytes:
+    """k1, k2, kx, ky and twist; PNG.
+
+    Parameters
+    ----------
+    found : Inspection
+        The mirror.
+    """
+    return _row(found, [(f"{key}, {_unit(found)}", _curvature(found, key)[0], True) for key in QUANTITIES], one_scale=True)
+
+
+def sigma_maps(found: Inspection) -> bytes:
+    """The sigmas of the same; PNG.
+
+    Parameters
+    ----------
+    found : Inspection
+        The mirror.
+    """
+    return _row(found, [(f"sigma of {key}, {_unit(found)}", _curvature(found, key)[1], False) for key in QUANTITIES],
+                one_scale=True)
+
+
+def _unit(found: Inspection) -> str:
+    return "1/m" if found.fields.flat else "%"
+
+
+def _curvature(found: Inspection, key: str) -> tuple[Array, Array]:
+    fields = found.fields
+    if fields.flat:
+        return 1e3 * getattr(fields.curvature, key), 1e3 * getattr(fields.curvature_sigma, key)
+    return fields.percent(key)  # type: ignore[arg-type]  # one of QUANTITIES
+
+
+def _row(found: Inspection, maps: list[tuple[str, Array, bool]], one_scale: bool = False) -> bytes:
+    x_min, x_max, y_min, y_max = found.nominal.box
+    known = found.fields.known
+    with matplotlib.rc_context(STYLE):
+        each = WIDTH_IN / len(maps)
+        height = float(np.clip(0.78 * each * (y_max - y_min) / (x_max - x_min), 1.0, 6.0)) + 1.15
+        figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
+        row = figure.subplots(1, len(maps), squeeze=False)[0]
+        # What stands at the rim, where the gauge does not, is less sure and sets no scale.
+        largest = [float(np.nanmax(np.abs(v[known if known.any() else slice(None)]), initial=0.0)) for _, v, _ in maps]
+        for axes, (title, values, signed), own in zip(row, maps, largest, strict=True):
+            top = max(max(largest) if one_scale else own, LEAST_SCALE)
+            drawn = axes.imshow(found.fields.lattice.as_map(values).T, origin="lower", extent=(x_min, x_max, y_min, y_max),
+                                cmap=DIVERGING if signed else "viridis", norm=Normalize(-top if signed else 0.0, top),
+                                interpolation="nearest", aspect="equal")
+            _frame(axes, drawn, found.nominal.rim, title)
+            if not one_scale or axes is row[-1]:
+                bar = figure.colorbar(drawn, ax=row if one_scale else axes, location="bottom", shrink=0.9, pad=0.02,
+                                      aspect=60 if one_scale else 18)
+                bar.ax.tick_params(labelsize=8.0, length=2.5)
+        file = io.BytesIO()
+        figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
+        return file.getvalue()
+
+
+def _frame(axes: Axes, drawn: object, rim: Array, title: str) -> None:
+    axes.set_facecolor("white")
+    grey = Polygon(rim.tolist(), closed=True, fc=UNKNOWN, ec="none", zorder=-1)
+    axes.add_patch(grey)
+    drawn.set_clip_path(Polygon(rim.tolist(), closed=True, transform=axes.transData))  # type: ignore[attr-defined]
+    axes.add_patch(Polygon(rim.tolist(), closed=True, fill=False, ec="#555555", lw=0.7, clip_on=False))
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.set_title(title, loc="left")
+    axes.tick_params(labelsize=7.5, length=2.0)

@@ -1,0 +1,144 @@
+"""The report of a made mirror, one page that embeds all it shows."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+
+from mirror_cad.deviation import QUANTITIES
+from mirror_cad.laws.words import plain
+from mirror_cad.made.figures import Figure, Figures
+from mirror_cad.made.inspection import Inspection
+from mirror_cad.made.verdict import Verdict
+from mirror_studio.inspect.pictures import curvature_maps, form_maps, sigma_maps
+from mirror_studio.report.text import MISSING, count, number, point_in_words, templates
+
+UNKNOWN_IN_WORDS = "not known"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A quantity as the table of figures shows it."""
+
+    name: str
+    unit: str
+    largest: str
+    interval: str
+    at: str
+    rms: str
+    sigma: str
+
+
+def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Inspection, figures: Figures,
+                verdict: Verdict | None, notes: tuple[str, ...]) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    title : str
+        Of the page.
+    facts : list of tuple
+        Names and texts of what the report stands on.
+    found, figures, verdict
+        What it reports.
+    notes : tuple of str
+        What a user should know.
+    """
+    pictures = [(_png(form_maps(found)), "Measured minus designed after alignment, along z: height, and the angle between the "
+                 "normals, each with its sigma. Grey: not measured."),
+                (_png(curvature_maps(found)), f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, "
+                                              "convex "
+                 "positive. Near the rim the gauge does not stand whole, and what is left of its disc tells less; these places "
+                 "count for no figure above."),
+                (_png(sigma_maps(found)), "How sure that is: one sigma.")]
+    page = templates().get_template("inspect.html.j2").render(
+        title=title, facts=facts, verdict=verdict_in_words(verdict, found), rows=rows(figures, found.fields.flat),
+        pictures=pictures, notes=notes, gauge=plain(found.fields.gauge_mm))
+    path.write_text(page, encoding="utf-8")
+
+
+def rows(figures: Figures, flat: bool) -> list[Row]:
+    """The table of figures.
+
+    Parameters
+    ----------
+    figures : Figures
+        Of the mirror.
+    flat : bool
+        Whether the design is a plane, of which nothing has a percent.
+    """
+    of = figures.per_m if flat else figures.percent
+    return [_row("height", "µm", figures.height, 1e3), _row("slope", "arcmin", figures.slope, 1.0),
+            *(_row(key, "1/m" if flat else "%", of[key], 1.0) for key in QUANTITIES)]
+
+
+def _row(name: str, unit: str, figure: Figure, scale: float) -> Row:
+    if figure.largest is None or figure.interval is None or figure.rms is None or figure.sigma is None:
+        return Row(name, unit, UNKNOWN_IN_WORDS, MISSING, MISSING, MISSING, MISSING)
+    low, high = figure.interval
+    return Row(name, unit, number(scale * figure.largest, sign=True), f"{number(scale * low, sign=True)} to "
+               f"{number(scale * high, sign=True)}", point_in_words(figure.at_mm), number(scale * figure.rms),
+               number(scale * figure.sigma))
+
+
+def verdict_in_words(verdict: Verdict | None, found: Inspection) -> tuple[str, str, str]:
+    """A class for the style, a heading and a sentence.
+
+    Parameters
+    ----------
+    verdict : Verdict or None
+        Against a limit.
+    found : Inspection
+        The mirror.
+    """
+    if verdict is None:
+        return ("open", "No limit is asked for" if not found.fields.flat else "A limit in percent does not apply to a plane",
+                "A limit for k1 and k2 stands in the specification: [limits] curvature_percent.")
+    if verdict.surely_percent is None or verdict.possibly_percent is None:
+        return "open", "Undecided", "Nowhere does the gauge stand on what was measured."
+    limit = f"{plain(verdict.limit_percent)} %"
+    text = (f"The deviation of k1 and k2 is at least {number(verdict.surely_percent)} % somewhere (95 % for all places "
+            "together) and at "
+            f"most {number(verdict.possibly_percent)} % (95 % of its place); the limit is {limit}. The gauge stands on "
+            "measured "
+            f"points at {number(100.0 * verdict.known_share)} % of the places where it fits on the mirror.")
+    head = {"pass": f"Pass: within {limit}", "fail": f"Fail: beyond {limit}", "undecided": "Undecided at 95 %"}[verdict.outcome]
+    return {"pass": "yes", "fail": "no", "undecided": "open"}[verdict.outcome], head, text
+
+
+def basis(found: Inspection, source: str, against: str) -> list[tuple[str, str]]:
+    """What the report stands on, in names and texts.
+
+    Parameters
+    ----------
+    found : Inspection
+        The mirror.
+    source, against : str
+        The measured file and the design.
+    """
+    left = "; ".join(f"{why}: {count(number_)}" for why, number_ in found.left_out.items()) or "none"
+    reconstruction, alignment = found.reconstruction, found.alignment
+    sigma = (f"{number(1e3 * found.sigma_mm)} µm along the normal, " + (
+        "as stated" + (f", times {number(reconstruction.sigma_factor)} because the residuals are larger"
+                       if reconstruction.sigma_factor > 1.05 else "") if found.sigma_stated else
+        "from the residuals"))
+    placed = "as given" if alignment is None else "best fit to the exact surface"
+    if alignment is not None and alignment.undetermined:
+        placed += (f"; {alignment.undetermined} of the six directions of motion are not told by the shape (a sphere may turn "
+                   "about "
+                   "its centre) and stay as they began")
+    if found.motion.reflected:
+        placed += "; the points are those of the other hand's mirror and were reflected"
+    spans = " × ".join(number(each) for each in reconstruction.fit.space.span_mm)
+    return [("Measured", source), ("Against", against),
+            ("Points", f"{count(int(found.used.sum()))} used, about {number(reconstruction.coverage.spacing_mm)} mm apart; "
+                       "left out: "
+             f"{left}"), ("Sigma of a point", sigma), ("Alignment", placed),
+            ("Reconstruction", f"quintic B-spline of spans {spans} mm, by {reconstruction.principle}")]
+
+
+def _png(data: bytes) -> str:
+    return f"data:image/png;base64,{base64.b64encode(data).decode()}"

@@ -1,0 +1,191 @@
+"""A made mirror laid on its design: pose, deviation and verdict, also with outliers, holes and half of it unmeasured."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mirror_cad import design, load_spec
+from mirror_cad.made.alignment import AlignmentError, best_fit
+from mirror_cad.made.figures import figures
+from mirror_cad.made.inspection import Inspection, inspect
+from mirror_cad.made.measured_surface import measured_surface
+from mirror_cad.made.motion import Motion
+from mirror_cad.made.nominal import Nominal
+from mirror_cad.made.reconstruction import ReconstructionError
+from mirror_cad.made.verdict import verdict
+from mirror_cad.mirror import Mirror
+from mirror_cad.surfaces.differential import principal_curvatures
+
+Array = NDArray[np.float64]
+
+# 30° about a slanted axis, and 1 m off.
+AWAY = Motion(Rotation.from_rotvec(np.radians(30.0) * np.array([1.0, 2.0, -2.0]) / 3.0).as_matrix(),
+              np.array([600.0, -700.0, 400.0]))
+
+
+@lru_cache
+def mirror(name: str) -> Mirror:
+    return design(load_spec(name))
+
+
+def nominal(name: str) -> Nominal:
+    return Nominal(mirror(name).surface, mirror(name).outline)
+
+
+def points(name: str) -> Array:
+    return mirror(name).grid_points()[:, :3].copy()
+
+
+@pytest.mark.parametrize("name", ["progressive-a", "progressive-c"])
+def test_noiseless_points_of_a_design_in_any_pose_lie_on_it(name: str) -> None:
+    """Height to 1e-6 mm and curvature to 0.01 %, and the pose is found: a free surface has but one."""
+    found = inspect(nominal(name), AWAY.of_points(points(name)))
+    main = figures(found.nominal, found.fields)
+    assert np.abs(found.points - points(name)).max() < 1e-6
+    assert abs(main.height.largest or 1.0) < 1e-6
+    assert all(abs(each.largest or 1.0) < 0.01 for each in main.percent.values())
+    assert main.known_share == 1.0
+    assert not found.left_out
+
+
+def test_a_sphere_is_laid_on_itself_though_it_may_turn() -> None:
+    """Three directions of motion are not told by a sphere's shape; heights and curvatures need none of them."""
+    found = inspect(nominal("sphere-950"), AWAY.of_points(points("sphere-950")))
+    main = figures(found.nominal, found.fields)
+    assert found.alignment is not None
+    assert found.alignment.undetermined == 3
+    assert abs(main.height.largest or 1.0) < 1e-6
+    assert all(abs(each.largest or 1.0) < 0.01 for each in main.percent.values())
+
+
+def test_another_radius_is_told_exactly() -> None:
+    """A sphere of 931 mm against 950 mm: both curvatures are 950/931 − 1 too large, and nothing is twisted."""
+    at = points("sphere-950")
+    r = 931.0
+    at[:, 2] = np.sqrt(r * r - at[:, 0] ** 2 - at[:, 1] ** 2) - r
+    main = figures(nominal("sphere-950"), inspect(nominal("sphere-950"), at, align="none").fields)
+    for key in ("k1", "k2", "kx", "ky"):
+        assert main.percent[key].rms == pytest.approx(100.0 * (950.0 / 931.0 - 1.0), abs=0.01)  # type: ignore[index]
+    assert abs(main.percent["twist"].largest or 1.0) < 0.01
+
+
+def test_outliers_are_left_out_and_counted() -> None:
+    """10 % of the points 2 mm off: the rest tell the mirror as if there were none."""
+    rng = np.random.default_rng(3)
+    at = points("progressive-c") + 0.005 * rng.standard_normal((len(points("progressive-c")), 3))
+    wrong = rng.random(len(at)) < 0.1
+    at[wrong] += rng.normal(0.0, 2.0, (int(wrong.sum()), 3))
+    found = inspect(nominal("progressive-c"), AWAY.of_points(at))
+    main = figures(found.nominal, found.fields)
+    assert found.sigma_mm == pytest.approx(0.005, rel=0.1)
+    assert 0.8 * wrong.sum() < sum(found.left_out.values()) < 1.1 * wrong.sum()
+    assert main.percent["kx"].rms == pytest.approx(main.percent["kx"].sigma, rel=0.35)
+
+
+def test_what_was_not_measured_is_not_known() -> None:
+    """Of half a mirror half is known, and there it is right; a hole stays one, and height is NaN in it."""
+    at = points("progressive-c")
+    half = inspect(nominal("progressive-c"), AWAY.of_points(at[at[:, 0] > 0.0]))
+    main = figures(half.nominal, half.fields)
+    assert 0.4 < main.known_share < 0.5
+    assert abs(main.percent["k1"].largest or 1.0) < 0.01
+    places = half.fields.lattice.places
+    assert np.isnan(half.fields.height[places[:, 0] < -15.0]).all()
+    assert np.isnan(half.fields.curvature.k1[places[:, 0] < -15.0]).all()
+
+    hole = inspect(nominal("progressive-c"), at[np.hypot(at[:, 0], at[:, 1]) > 80.0], align="none")
+    near = np.hypot(*places.T) < 65.0
+    assert np.isnan(hole.fields.height[near]).all()
+    assert not hole.fields.known[np.hypot(*places.T) < 85.0].any()
+    assert np.nanmax(np.abs(hole.fields.height)) < 1e-6
+
+
+def test_one_line_of_points_tells_heights_along_it_and_no_curvature() -> None:
+    """And no figure is made up."""
+    x = np.linspace(-100.0, 100.0, 201)
+    line = np.stack([x, np.zeros_like(x), nominal("progressive-c").heights(x, np.zeros_like(x))[0] + 0.02], axis=1)
+    found = inspect(nominal("progressive-c"), line, align="none")
+    main = figures(found.nominal, found.fields)
+    assert main.percent["k1"].largest is None
+    assert main.height.largest == pytest.approx(0.02, abs=1e-3)
+    assert main.measured_share < 0.1
+    assert verdict(found.fields, 5.0).outcome == "undecided"
+
+
+def test_a_wave_of_form_is_found_with_its_amplitude() -> None:
+    """20 µm at 60 mm on 5 mm points with 2 µm noise: the amplitude to 5 %, nothing left out."""
+    rng = np.random.default_rng(5)
+    at = points("progressive-c")
+    at[:, 2] += 0.02 * np.sin(2.0 * np.pi * at[:, 0] / 60.0) + 0.002 * rng.standard_normal(len(at))
+    found = inspect(nominal("progressive-c"), at, align="none")
+    places = found.fields.lattice.places
+    wave = np.sin(2.0 * np.pi * places[:, 0] / 60.0)
+    assert not found.left_out
+    assert wave @ found.fields.height / (wave @ wave) == pytest.approx(0.02, rel=0.05)
+
+
+def test_the_verdict_passes_fails_and_knows_when_it_cannot_tell() -> None:
+    """A radius 2 % off under 1 µm noise: within 5 %, beyond 1 %, and of 2.5 % nobody can say."""
+    rng = np.random.default_rng(7)
+    at = points("sphere-950")
+    r = 950.0 / 1.02
+    at[:, 2] = np.sqrt(r * r - at[:, 0] ** 2 - at[:, 1] ** 2) - r + 0.001 * rng.standard_normal(len(at))
+    fields = inspect(nominal("sphere-950"), at, np.full(len(at), 0.001), "none").fields
+    assert [verdict(fields, limit).outcome for limit in (5.0, 1.0, 2.5)] == ["pass", "fail", "undecided"]
+
+
+def test_half_a_mirror_cannot_pass_but_it_can_fail() -> None:
+    """What was not measured may be anything."""
+    at = points("sphere-950")
+    at = at[at[:, 0] > 0.0]
+    assert verdict(inspect(nominal("sphere-950"), at, align="none").fields, 5.0).outcome == "undecided"
+    r = 900.0
+    at[:, 2] = np.sqrt(r * r - at[:, 0] ** 2 - at[:, 1] ** 2) - r
+    assert verdict(inspect(nominal("sphere-950"), at, align="none").fields, 5.0).outcome == "fail"
+
+
+def test_the_covariance_of_the_pose_is_the_scatter_of_many() -> None:
+    """All six, at the place that they are told about."""
+    rng = np.random.default_rng(11)
+    design_, at = nominal("progressive-a"), points("progressive-a")[::3]
+    found, moved = None, []
+    for _ in range(60):
+        found = best_fit(design_, at + 0.005 * rng.standard_normal(at.shape), Motion.identity())
+        turn = Rotation.from_matrix(found.motion.rotation).as_rotvec()
+        moved.append([*(found.motion.of_points(found.centre[None])[0] - found.centre), *turn])
+    assert found is not None
+    scatter = np.array(moved).std(axis=0)
+    stated = 0.005 * np.sqrt(np.diag(found.covariance))
+    assert scatter / stated == pytest.approx(np.ones(6), rel=0.3)  # 60 runs know a sigma to 9 %
+
+
+def test_the_measured_surface_is_the_design_and_the_deviation() -> None:
+    """As one B-spline, for designs of another degree too."""
+    rng = np.random.default_rng(13)
+    for name in ("progressive-c", "sphere-950"):
+        at = points(name)
+        at[:, 2] += 2e-6 * at[:, 0] ** 2 + 0.002 * rng.standard_normal(len(at))
+        found: Inspection = inspect(nominal(name), at, align="none")
+        surface = measured_surface(found.nominal, found.reconstruction.fit)
+        x, y = rng.uniform(-100.0, 100.0, (2, 500))
+        wanted = mirror(name).surface.sag(x, y) + found.reconstruction.fit.heights(x, y)
+        assert np.abs(surface.sag(x, y) - wanted).max() < 1e-11
+        assert np.isfinite(principal_curvatures(surface, x, y)).all()
+
+
+def test_points_that_tell_no_mirror_are_refused() -> None:
+    """On a straight line, of another thing, of two surfaces: each with its own words."""
+    rng = np.random.default_rng(19)
+    design_, at = nominal("progressive-c"), points("progressive-c")
+    line = np.linspace(0.0, 100.0, 50)[:, None] * np.array([1.0, 0.5, 0.2])
+    with pytest.raises(AlignmentError, match="straight line"):
+        inspect(design_, line)
+    with pytest.raises(AlignmentError, match="no mirror like this one"):
+        inspect(design_, rng.uniform(-150.0, 150.0, (500, 3)))
+    with pytest.raises((ReconstructionError, AlignmentError), match=r"two surfaces|more than one surface"):
+        inspect(design_, np.concatenate([at, at - [0.0, 0.0, 3.0]]), align="none")
