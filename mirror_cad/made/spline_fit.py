@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
+from scipy.sparse import coo_array, kron
 
 from mirror_cad.errors import SurfaceError
 from mirror_cad.sections import SagDerivatives
@@ -133,7 +134,7 @@ class SplineFit:
     chi2: float
     used: int
     _factor: tuple[Array, bool] = field(repr=False)
-    _energy: Array = field(repr=False)
+    _held: coo_array = field(repr=False)
 
     @cached_property
     def covariance(self) -> Array:
@@ -146,8 +147,8 @@ class SplineFit:
 
     @cached_property
     def determined(self) -> float:
-        """How many coefficients the observations determine: tr(C·N) of the part N that they make of the normal matrix."""
-        return self.coefficients.size - float(np.einsum("ij,ij->", self.covariance, self._energy))
+        """How many coefficients the observations determine: n − tr(C·E), E being what they have no part in of the matrix."""
+        return self.coefficients.size - float(self.covariance[self._held.row, self._held.col] @ self._held.data)
 
     @property
     def scale(self) -> float:
@@ -232,22 +233,23 @@ def fit_spline(space: Space, observations: Observations, combined: Sequence[Comb
         chi2_0 += (each.value / each.sigma) ** 2
     energy, level = _energy(space), _level(space)
     hx, hy = space.span_mm
-    weight = max(1.0 / (prior_curvature**2 * hx * hy), LEAST_ENERGY * float(np.trace(data) / np.trace(energy)))
-    energy *= weight
-    energy += level * max(1.0, LEAST_ENERGY * float(np.trace(data) / np.trace(level)))
+    total = float(np.trace(data))
+    held = (energy * max(1.0 / (prior_curvature**2 * hx * hy), LEAST_ENERGY * total / energy.trace())
+            + level * max(1.0, LEAST_ENERGY * total / level.trace())).tocoo()
+    data[held.row, held.col] += held.data
     try:
-        factor = cho_factor(data + energy, lower=True, check_finite=False)
+        factor = cho_factor(data, lower=True, check_finite=False)
     except LinAlgError:
         raise SurfaceError(f"{observations.x.size} observations do not determine a surface of {nx} × {ny} "
                            "coefficients") from None
     coefficients = cho_solve(factor, vector, check_finite=False)
     # Once more on what is left: the normal equations alone lose half the digits.
-    coefficients += cho_solve(factor, vector - (data + energy) @ coefficients, check_finite=False)
-    fit = SplineFit(space, coefficients.reshape(nx, ny), 0.0, 0, factor, energy)
+    coefficients += cho_solve(factor, vector - data @ coefficients, check_finite=False)
+    fit = SplineFit(space, coefficients.reshape(nx, ny), 0.0, 0, factor, held)
     chi2 = float(weights @ (observations.values - predicted(fit, observations)) ** 2) if observations.x.size else 0.0
     chi2 += sum(((each.value - float(combined_row(space, each) @ coefficients)) / each.sigma) ** 2 for each in combined)
     used = int((observations.weights > 0.0).sum()) + len(combined)
-    return SplineFit(space, fit.coefficients, chi2, used, factor, energy)
+    return SplineFit(space, fit.coefficients, chi2, used, factor, held)
 
 
 def predicted(fit: SplineFit, observations: Observations) -> Array:
@@ -347,33 +349,21 @@ def _dense(stencil: Array) -> Array:
     return full.reshape(nx * ny, nx * ny)
 
 
-def _energy(space: Space) -> Array:
+def _energy(space: Space) -> coo_array:
     """∫ d_xx² + 2·d_xy² + d_yy² over the box as a quadratic form of the coefficients."""
     (gx, gy) = (_gram(knots) for knots in space.knots)
-    nx, ny = space.shape
-
-    def both(a: Array, b: Array) -> Array:
-        result: Array = np.einsum("ik,jl->ijkl", a, b).reshape(nx * ny, nx * ny)
-        return result
-
-    result = both(gx[2], gy[0])
-    result += both(2.0 * gx[1], gy[1])
-    result += both(gx[0], gy[2])
-    return result
+    return kron(gx[2], gy[0]) + 2.0 * kron(gx[1], gy[1]) + kron(gx[0], gy[2])
 
 
-def _level(space: Space) -> Array:
+def _level(space: Space) -> coo_array:
     """The mean square of d over PRIOR_HEIGHT of the box and that of its slopes over PRIOR_SLOPE, as a quadratic form."""
     (gx, gy) = (_gram(knots) for knots in space.knots)
     width, height = space.box[1] - space.box[0], space.box[3] - space.box[2]
-    area, n = width * height, int(np.prod(space.shape))
-    form = (np.einsum("ik,jl->ijkl", gx[0], gy[0]) / (PRIOR_HEIGHT * np.hypot(width, height)) ** 2
-            + (np.einsum("ik,jl->ijkl", gx[1], gy[0]) + np.einsum("ik,jl->ijkl", gx[0], gy[1])) / PRIOR_SLOPE**2)
-    result: Array = form.reshape(n, n) / area
-    return result
+    return (kron(gx[0], gy[0]) / (PRIOR_HEIGHT * np.hypot(width, height)) ** 2
+            + (kron(gx[1], gy[0]) + kron(gx[0], gy[1])) / PRIOR_SLOPE**2) / (width * height)
 
 
-def _gram(knots: Array) -> list[Array]:
+def _gram(knots: Array) -> list[coo_array]:
     """∫ B_i^(k)·B_j^(k) for k = 0, 1, 2."""
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
     ends = np.unique(knots)
@@ -381,4 +371,4 @@ def _gram(knots: Array) -> list[Array]:
     x = (0.5 * (ends[1:] + ends[:-1])[:, None] + half[:, None] * nodes).ravel()
     b = dense_basis(knots, DEGREE, x, 2)
     w = (half[:, None] * weights).ravel()
-    return [(b[k] * w[:, None]).T @ b[k] for k in range(3)]
+    return [coo_array((b[k] * w[:, None]).T @ b[k]) for k in range(3)]
