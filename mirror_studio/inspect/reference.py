@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.cad_file import read_cad
 from mirror_cad.errors import SpecError
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.nominal import Nominal
@@ -20,12 +21,12 @@ from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import graph
+from raytrace.assembly import OPTICAL_FACE
 from raytrace.file_kinds import CAD_KINDS
 from raytrace.load import load_reflector
 from raytrace.mesh_files import MESH_KINDS
 from raytrace.placement import Placement
 from raytrace.reflector import Reflector
-from raytrace.surfaces.bspline import BSplineFace
 
 Array = NDArray[np.float64]
 
@@ -94,15 +95,23 @@ def _of_file(path: Path) -> Reference:
                         "file")
     reflector = load_reflector(path, place="file" if hand_of(path) else "face")
     placement = reflector.placement or Placement.identity("file")
-    bare = reflector.uncoated.surface
-    if isinstance(bare, BSplineFace) and bare.surface.is_height_field and len(bare.loops) == 1:
-        loop = bare.loops[0]
-        surface = bare.surface
-    else:
-        loop = np.ascontiguousarray(reflector.outline()[:, :2])
-        surface = _as_heights(path, reflector)
+    found = _own_heights(path) if placement.is_identity else None
+    surface, loop = found or (_as_heights(path, reflector), np.ascontiguousarray(reflector.outline()[:, :2]))
     given = Motion(placement.rotation, -placement.rotation @ placement.origin_mm)
     return Reference(path.stem, Nominal(surface, polygon_outline(loop)), given)
+
+
+def _own_heights(path: Path) -> tuple[BSplineSurface, Array] | None:
+    """The face that reflects and its loop, where it is one B-spline of heights over (x, y): then nothing has to be fitted."""
+    file = read_cad(path)
+    faces = [face for face in file.faces if face.name == OPTICAL_FACE] or list(file.faces)
+    if len(faces) != 1:
+        return None
+    shape = file.shapes(faces)[0]
+    surface = shape.surface
+    if not isinstance(surface, BSplineSurface) or not surface.is_height_field or len(shape.loops) != 1:
+        return None
+    return surface, shape.loops[0]
 
 
 def polygon_outline(loop: Array) -> Outline:
