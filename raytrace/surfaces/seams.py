@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,50 +24,38 @@ def without_seams(faces: list[BSplineFace | QuadricFace]) -> tuple[BSplineFace |
     Two faces are joined where they have the same surface and the same side of it, and chords of the one's loops are those of
     the other's, the other way round. Faces that only touch, overlap, or lie apart stay as they are.
     """
-    done: list[BSplineFace | QuadricFace] = []
-    for face in faces:
+    sheets: dict[tuple[object, ...], list[tuple[int, BSplineFace | QuadricFace]]] = {}
+    for number, face in enumerate(faces):
+        done = sheets.setdefault(_sheet(face), [])
         joined = face
         k = 0
         while k < len(done):
-            loops = _joined_loops(done[k].loops, joined.loops) if _same_sheet(done[k], joined) else None
+            loops = _joined_loops(done[k][1].loops, joined.loops)
             if loops is None:
                 k += 1
             else:
                 done.pop(k)
                 joined = replace(joined, loops=loops)
                 k = 0
-        done.append(joined)
-    return tuple(done)
+        done.append((number, joined))
+    return tuple(face for _, face in sorted((one for done in sheets.values() for one in done), key=itemgetter(0)))
 
 
-def _same_sheet(one: BSplineFace | QuadricFace, other: BSplineFace | QuadricFace) -> bool:
-    """Whether two faces are parts of one surface and reflect on the same side of it."""
-    if one.sign != other.sign or one.one_sided != other.one_sided:
-        return False
-    if isinstance(one, BSplineFace) and isinstance(other, BSplineFace):
-        return _same_record(one.surface, other.surface)
-    if isinstance(one, QuadricFace) and isinstance(other, QuadricFace):
-        return _same_record(one.quadric, other.quadric)
-    return False
-
-
-def _same_record(one: BSplineSurface | Quadric, other: BSplineSurface | Quadric) -> bool:
-    """Whether two surfaces are equal in all their numbers."""
-    if type(one) is not type(other):
-        return False
-    return all(_same_value(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
-
-
-def _same_value(one: object, other: object) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other)
-    return bool(one is other or one == other)
+def _sheet(face: BSplineFace | QuadricFace) -> tuple[object, ...]:
+    """What is equal for two faces that are parts of one surface and reflect on the same side of it: its numbers, and which."""
+    surface: BSplineSurface | Quadric = face.surface if isinstance(face, BSplineFace) else face.quadric
+    numbers = (getattr(surface, field.name) for field in fields(surface))
+    return (type(surface), face.sign, face.one_sided,
+            *((one.shape, (one + 0.0).tobytes()) if isinstance(one, np.ndarray) else one for one in numbers))  # −0 is 0
 
 
 def _joined_loops(one: tuple[Array, ...], other: tuple[Array, ...]) -> tuple[Array, ...] | None:
     """The loops round two faces without the chords that both have; None where they have none, or the rest does not close."""
     points = np.concatenate([*one, *other])
     size = float(np.ptp(points, axis=0).max())
+    (low, high), (low_, high_) = ((np.min(part, axis=0), np.max(part, axis=0)) for part in map(np.concatenate, (one, other)))
+    if (low > high_ + SAME * size).any() or (low_ > high + SAME * size).any():
+        return None
     names: dict[tuple[int, int], int] = {}
     number = np.array([_name(names, point) for point in np.rint(points / (SAME * size)).astype(np.int64).tolist()])
     place = {int(n): points[k] for k, n in reversed(list(enumerate(number)))}
