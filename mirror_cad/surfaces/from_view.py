@@ -144,6 +144,8 @@ def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline,
             raise SurfaceError(f"surface.spans = [{nx}, {ny}] with method = \"view\" asks for {poles} unknowns, at most "
                                f"{MAX_POLES} are solved for: fewer spans (\"auto\" takes {list(LEVELS[-1])} at most)")
         problem = _Problem(view, eyes, outline, pair, ends, chosen)
+        if found:
+            problem.start_from(found[-1][0].surface())
         steps, converged = problem.solve()
         level = ViewLevel((len(ends[0]) - 1, len(ends[1]) - 1), poles - 1, steps, problem.rms_arcmin(),
                           time.perf_counter() - began)
@@ -210,12 +212,13 @@ class _Problem:
         self.x, self.y = x[i], y[j]
         area = weight_x[i] * weight_y[j] * share[i, j]
         self.weight = area / area.sum()
+        self.root_weight = np.sqrt(self.weight)
         self.matrices = [(basis_x[a][i][:, :, None] * basis_y[b][j][:, None, :]).reshape(len(i), -1)
                          for a, b in ((0, 0), (1, 0), (0, 1))]
         origin = np.outer(dense_basis(knots[0], degree, np.zeros(1), 0)[0, 0],
                           dense_basis(knots[1], degree, np.zeros(1), 0)[0, 0]).ravel()
         # One pole follows the others, so that the height at the origin stays: the one that counts most there.
-        self.tied = int(np.argmax(origin))
+        self.origin, self.tied = origin, int(np.argmax(origin))
         self.follows = -origin / origin[self.tied]
         whole = np.outer(weight_x @ basis_x[0], weight_y @ basis_y[0])
         seen = np.einsum("ab,ai,bj->ij", weight_x[:, None] * weight_y * share, basis_x[0], basis_y[0], optimize=True) / whole
@@ -223,6 +226,17 @@ class _Problem:
         self.smooth_free = self._reduced(self.smooth)
         self.smooth_squared = self.smooth_free.T @ self.smooth_free
         self.heights = self._start()
+
+    def start_from(self, surface: BSplineSurface) -> None:
+        """Begin with the heights of a sheet on fewer spans, where that reaches as far."""
+        x, y = (greville_abscissae(knots, self.degree) for knots in self.knots)
+        u_min, u_max, v_min, v_max = surface.domain
+        if x[0] < u_min or x[-1] > u_max or y[0] < v_min or y[-1] > v_max:
+            return
+        across, upright = (dense_basis(knots, self.degree, at, 0)[0] for knots, at in zip(self.knots, (x, y), strict=True))
+        heights = np.linalg.solve(across, surface.on_grid(x, y, order=0, component=2)["s"])
+        found = np.linalg.solve(upright, heights.T).T.ravel()
+        self.heights = found - self.origin @ found  # what interpolates it is off by rounding's or the spans' part there
 
     def solve(self) -> tuple[int, bool]:
         """Gauss–Newton until the heights stay: how many steps, and whether they did."""
@@ -244,9 +258,9 @@ class _Problem:
                 rows += by_zx[:, k, None] * self.matrices[1]
                 rows += by_zy[:, k, None] * self.matrices[2]
                 rows = self._reduced(rows)
-                weighted = rows * self.weight[:, None]
-                matrix += weighted.T @ rows
-                right -= weighted.T @ residual[:, k]
+                rows *= self.root_weight[:, None]
+                matrix += rows.T @ rows  # of one array with itself: half the work
+                right -= rows.T @ (self.root_weight * residual[:, k])
         change = self._solved(matrix, right)
         moved = [m @ change for m in self.matrices]
         steepest = max(float(np.abs(part).max()) for part in moved[1:])
@@ -274,7 +288,9 @@ class _Problem:
 
     def _reduced(self, rows: Array) -> Array:
         """Rows over all poles as rows over those that are free; that of the tied pole becomes nothing."""
-        return rows + rows[:, self.tied, None] * np.where(np.arange(len(self.follows)) == self.tied, -1.0, self.follows)
+        follows = np.where(np.arange(len(self.follows)) == self.tied, -1.0, self.follows)
+        result: Array = rows + np.outer(rows[:, self.tied], follows)
+        return result
 
     def _solved(self, matrix: Array, right: Array) -> Array:
         free = np.arange(len(right)) != self.tied
