@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_studio.explore.evaluate import Row
+from mirror_studio.explore.page import PAGE, write_page
 from mirror_studio.explore.store import Store, write_rows
 from mirror_studio.explore.study import OptimiseSection, Study, Value
 from mirror_studio.explore.workers import Workers
@@ -33,6 +34,9 @@ class Optimum:
     nearest : where none does, the row that comes nearest, and by how much it misses each limit.
     settled : the hypervolume over evaluations, (n, 2), of several objectives; of one its best value.
     active : the limits that hold the best row of one objective back.
+    multipliers : of these, by how much its objective would be better for one unit more of the limit, in both's units; and of
+        keys that stand at an end of their range, for one unit more of that.
+    unsettled : what of the objective's slope at that row limits and ends of ranges do not hold, as a share: 0 at an optimum.
     """
 
     front: tuple[Row, ...]
@@ -41,6 +45,8 @@ class Optimum:
     active: tuple[str, ...]
     evaluations: int
     failed: int
+    multipliers: dict[str, float] = field(default_factory=dict)
+    unsettled: float | None = None
 
 
 class _Judge:
@@ -90,7 +96,7 @@ class _Evaluations:
 def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None = None) -> Optimum:
     """Look for the designs that [optimise] asks for; the same study goes on where it ended.
 
-    Writes rows.csv, rows.parquet, front.csv and optimise.json.
+    Writes rows.csv, rows.parquet, front.csv, study.html and optimise.json.
 
     Parameters
     ----------
@@ -122,8 +128,11 @@ def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None 
         workers = Workers(study, scheduler)
         try:
             evaluations = _Evaluations(study, store, workers, progress)
+            multipliers: dict[str, float] = {}
+            unsettled = None
             if len(judge.objectives) == 1:
                 settled = _one(evaluations, judge, study.file.seed, asked)
+                multipliers, unsettled = _held_by(evaluations, judge)
             else:
                 settled = _several(evaluations, judge, study.file.seed, asked)
         finally:
@@ -144,9 +153,12 @@ def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None 
     if len(judge.objectives) == 1 and front:
         active = tuple(dict.fromkeys(name for (name, *_), miss in zip(judge.limits, judge.misses(front[0]), strict=True)
                                      if miss > -ACTIVE))
-    found = Optimum(tuple(front), nearest, tuple(settled), active, len(rows), sum(row.status != "ok" for row in rows))
+    found = Optimum(tuple(front), nearest, tuple(settled), active, len(rows), sum(row.status != "ok" for row in rows),
+                    multipliers, unsettled)
     write_rows(out, "front", study, front)
     _write_summary(out / "optimise.json", study, found)
+    write_page(out / PAGE, study, rows, front, settled, "best figure" if len(judge.objectives) == 1 else "hypervolume",
+               _settled_in_words(judge, found))
     progress.step(f"{found.evaluations} designs, {found.failed} failed; {len(front)} on the front, in {out}")
     return found
 
@@ -245,6 +257,52 @@ def _one(evaluations: _Evaluations, judge: _Judge, seed: int, asked: OptimiseSec
     return settled
 
 
+def _held_by(evaluations: _Evaluations, judge: _Judge) -> tuple[dict[str, float], float | None]:
+    """Lagrange's multipliers at the best row, by least squares that are not negative, and what they leave of the slope.
+
+    ∇f + Σ λ_i·∇g_i = 0 over the limits g_i ≤ 0 that are met with ACTIVE to spare at most, and the ends of the keys' ranges.
+    """
+    from scipy.optimize import nnls
+
+    feasible = [row for row in evaluations.by_values.values() if judge.feasible(row)]
+    if not feasible:
+        return {}, None
+    best = min(feasible, key=lambda row: (float(judge.objectives_of(row)[0]), row.index))
+    size = evaluations.high - evaluations.low
+    x = (np.array(best.values, dtype=np.float64) - evaluations.low) / size
+    steps = np.where(x + DIFFERENCE <= 1.0, DIFFERENCE, -DIFFERENCE)
+    rows = [best, *evaluations(x + np.diag(steps))]
+    if any(row.status != "ok" for row in rows):
+        return {}, None
+    values = np.array([np.concatenate([judge.objectives_of(row), judge.misses(row)]) for row in rows])
+    slopes = ((values[1:] - values[0]) / steps[:, None]).T
+    held = np.flatnonzero(values[0, 1:] > -ACTIVE)
+    keys = evaluations.study.keys
+    normals = [(f"{judge.limits[k][0]}", slopes[1 + k], max(abs(judge.limits[k][3]), 1.0)) for k in held]
+    for end, sign in ((0.0, -1.0), (1.0, 1.0)):
+        normals += [(keys[k], sign * np.eye(len(keys))[k], float(size[k])) for k in np.flatnonzero(np.abs(x - end) <= ACTIVE)]
+    steepness = float(np.linalg.norm(slopes[0]))
+    if not normals:
+        return {}, 1.0 if steepness > 0.0 else 0.0
+    found, rest = nnls(np.stack([normal for _, normal, _ in normals], axis=1), -slopes[0])
+    return ({name: float(share / scale) for (name, _, scale), share in zip(normals, found, strict=True) if share > 0.0},
+            float(rest) / steepness if steepness > 0.0 else 0.0)
+
+
+def _settled_in_words(judge: _Judge, found: Optimum) -> str:
+    """How far from settled a search ended, for the page."""
+    if not found.settled:
+        return f"None of {found.evaluations} designs meets the limits."
+    if len(judge.objectives) > 1:
+        last = found.settled[-1][1]
+        nearly = next(n for n, volume in found.settled if volume >= 0.99 * last)
+        return ("Hypervolume of the front over evaluations, in the box from the best figures met to a tenth beyond the worst: "
+                f"{last:.4f} in the end, 99 % of that from {nearly} evaluations on.")
+    held = "; ".join(f"{name} holds it: {value:.3g} per unit" for name, value in found.multipliers.items())
+    left = "" if found.unsettled is None else f" {100.0 * found.unsettled:.2g} % of the slope there is held by nothing."
+    return f"Best figure over evaluations. {held or 'No limit holds it'}.{left}"
+
+
 def _write_summary(path: Path, study: Study, found: Optimum) -> None:
     """How far from settled it ended, and what held it."""
     asked = study.file.optimise
@@ -252,6 +310,8 @@ def _write_summary(path: Path, study: Study, found: Optimum) -> None:
     several = len(asked.minimise) + len(asked.maximise) > 1
     content = {"evaluations": found.evaluations, "failed": found.failed, "front": len(found.front),
                "hypervolume" if several else "best": [list(one) for one in found.settled], "active_limits": list(found.active)}
+    if not several:
+        content |= {"multipliers": found.multipliers, "slope_unsettled_share": found.unsettled}
     if found.nearest is not None:
         content["nearest"] = {"values": list(found.nearest[0].values), "missed_by_share_of_limit": found.nearest[1]}
     path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

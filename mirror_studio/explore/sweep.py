@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
+from mirror_studio.explore.page import PAGE, write_page
 from mirror_studio.explore.store import Store
 from mirror_studio.explore.study import Study
 from mirror_studio.explore.workers import Workers
@@ -18,7 +19,7 @@ def sweep(study: Study, out: Path, progress: Progress, scheduler: str | None = N
     ----------
     study : Study
     out : Path
-        Where rows.csv, rows.parquet and the store are; the same study goes on where it ended.
+        Where rows.csv, rows.parquet, study.html and the store are; the same study goes on where it ended.
     progress : Progress
     scheduler : str, optional
         The address of a Dask scheduler.
@@ -41,6 +42,7 @@ def sweep(study: Study, out: Path, progress: Progress, scheduler: str | None = N
         finally:
             workers.close()
         store.tables()
+        write_page(out / PAGE, study, [store.rows[index] for index in sorted(store.rows)])
     finally:
         store.close()
     found = Counter(row.status for row in store.rows.values())
