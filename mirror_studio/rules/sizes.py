@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ GAPS = 8  # of the longest between edges, of which the first inside counts: of t
 CLOSER, ROUNDS = 17, 12  # samples about each, and how often: each round leaves an eighth, 1e-11 of the first step in the end
 CIRCLE_GRID, CIRCLE_ROUNDS = 17, 12
 FEW_CORNERS = 400  # of a polygon of thousands, that tell where its largest circle may be
+KEPT_DECIMALS = 7  # of mm: of some ten thousand corners, rounding to fewer digits than they have leaves all as they were
 FAR_MM = 1e8  # from where a mesh is looked at along z: its outline is then seen 1e-6 mm from straight below
 POINT_MM2 = 1e-6  # loops of less area bound nothing
 
@@ -132,6 +134,18 @@ def longest_rectangle(corners: Array, height_mm: float) -> Inscribed | None:
     At a given lower side the edges leave gaps, exactly; the lower side is looked for at SAMPLES heights, and then closer about
     the best of them.
     """
+    return _longest_rectangle(_kept(corners), height_mm)
+
+
+# A mirror that is bent keeps its outline: what was found of the last ones is there at once, where a slider moves or in a study.
+def _kept(corners: Array) -> bytes:
+    """What a polygon (n, 2) is known by: its corners to KEPT_DECIMALS, beyond which evaluating a surface rounds."""
+    return (np.round(corners, KEPT_DECIMALS) + 0.0).tobytes()
+
+
+@lru_cache(maxsize=16)
+def _longest_rectangle(kept: bytes, height_mm: float) -> Inscribed | None:
+    corners = np.frombuffer(kept).reshape(-1, 2)
     polygon = Polygon.of(corners)
     y_min, top = float(corners[:, 1].min()), float(corners[:, 1].max()) - height_mm
     if top < y_min:
@@ -168,6 +182,12 @@ def inscribed_circle(polygon: Array) -> float:
     of a grid can be that; of the edges only those count that are no farther from the grid's middle than the middle's own
     distance and twice the grid's reach.
     """
+    return _inscribed_circle(_kept(polygon))
+
+
+@lru_cache(maxsize=16)
+def _inscribed_circle(kept: bytes) -> float:
+    polygon = np.frombuffer(kept).reshape(-1, 2)
     corners, off = _coarser(polygon)
     few, edges = _Edges.of(corners), _Edges.of(polygon)
     centre = 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))

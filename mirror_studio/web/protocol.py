@@ -96,6 +96,13 @@ class Pinned(_Message):
     look: ViewSettings
 
 
+class Rules(_Message):
+    """Hold the design shown last against the rule of the road that it names. `fine`: on the road with fields of vision."""
+
+    type: Literal["rules"]
+    fine: bool = False
+
+
 class Cancel(_Message):
     """Stop making files."""
 
@@ -111,7 +118,7 @@ class Refused:
     faults: tuple[str, ...]
 
 
-AnyMessage = Design | Pinned | Probe | Build | Cancel
+AnyMessage = Design | Pinned | Probe | Build | Rules | Cancel
 _adapter: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
 

@@ -32,6 +32,7 @@ from mirror_studio.web import state
 from mirror_studio.web.controls import controls, laws
 from mirror_studio.web.downloads import KINDS, Downloads, NotMadeError, kinds
 from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, look_faults
+from mirror_studio.web.rules import offered
 from mirror_studio.web.session import Session, Shared
 from mirror_studio.web.uploads import LIMITS, Uploads, check, in_folder
 
@@ -97,7 +98,8 @@ def create_app(port: int) -> ASGIApp:
     """The studio as an application that answers on this port of the local host alone."""
     static = _static()
     start = json.dumps({"presets": state.presets(), "look": state.as_look(ViewSettings()), "opens_on": state.OPENS_ON,
-                        "controls": controls(), "laws": laws(), "kinds": kinds(), "version": metadata.version("mirror-cad"),
+                        "controls": controls(), "laws": laws(), "rules": offered(), "kinds": kinds(),
+                        "version": metadata.version("mirror-cad"),
                         "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
                                     for kind, limit in LIMITS.items()}})
     open_ = 0

@@ -25,6 +25,7 @@ from mirror_studio.web.protocol import (
     Pinned,
     Probe,
     Refused,
+    Rules,
     StoppedError,
     ViewSettings,
     WrongShapeError,
@@ -55,6 +56,7 @@ class Shared:
     downloads: Downloads
     quick: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(4, "studio-quick"))
     slow: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "studio-slow"))
+    beside: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "studio-beside"))
 
     def faults_of(self, error: Exception) -> list[str]:
         """As `faults_of`, with files named as their owners did."""
@@ -64,6 +66,7 @@ class Shared:
         """Remove all files; threads end by themselves."""
         self.quick.shutdown(wait=False, cancel_futures=True)
         self.slow.shutdown(wait=False, cancel_futures=True)
+        self.beside.shutdown(wait=False, cancel_futures=True)
         self.uploads.close()
         self.downloads.close()
 
@@ -81,6 +84,7 @@ class Session:
         self._shown: tuple[Designed, ViewSettings] | None = None
         self._building: asyncio.Task[None] | None = None
         self._pinning: asyncio.Task[None] | None = None
+        self._ruling: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
         """Answer until the page goes, says something of the wrong shape, or does not read."""
@@ -102,6 +106,9 @@ class Session:
                 elif isinstance(message, Pinned):
                     await _ended(self._pinning)
                     self._pinning = asyncio.create_task(self._pinned(message))
+                elif isinstance(message, Rules):
+                    await _ended(self._ruling)
+                    self._ruling = asyncio.create_task(self._ruled(message))
                 elif isinstance(message, Build):
                     await self._stop_building()
                     self._building = asyncio.create_task(self._build(message))
@@ -120,6 +127,7 @@ class Session:
             self._stop_fine.set()
             await self._stop_building()
             await _ended(self._pinning)
+            await _ended(self._ruling)
             designing.cancel()
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 await designing
@@ -202,6 +210,24 @@ class Session:
         except Exception as error:
             with contextlib.suppress(Exception):
                 await self._say(common | {"type": "unpinned", "faults": self._shared.faults_of(error)})
+
+    async def _ruled(self, message: Rules) -> None:
+        """In a thread of its own, so that no picture waits for it."""
+        common = {"id": message.id}
+
+        def lines() -> dict[str, Json]:
+            from mirror_studio.web.rules import ruled
+
+            return {"lines": []} if self._shown is None else ruled(*self._shown, message.fine)
+
+        try:
+            found = await asyncio.get_running_loop().run_in_executor(self._shared.beside, lines)
+            await self._say(common | {"type": "ruled"} | found)
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return  # the page is gone
+        except Exception as error:
+            with contextlib.suppress(Exception):
+                await self._say(common | {"type": "unruled", "faults": self._shared.faults_of(error)})
 
     def _stopped(self, share: float) -> None:
         if self._stop_fine.is_set():

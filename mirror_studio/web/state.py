@@ -16,6 +16,7 @@ from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, preset_names, spec_as_json, validate_spec
 from mirror_studio.web.protocol import ViewSettings
+from mirror_studio.web.rules import check_offered
 from mirror_studio.web.uploads import NAME, Uploads
 
 OPENS_ON = "progressive-c"
@@ -98,6 +99,9 @@ def _checked(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
         if name is not None and name != BUILT_IN_PICTURE and not uploads.has(name):
             raise SpecError(f"{where}.{key} = {str(name)[:60]!r}: the studio reads no files by their names: bring this one in "
                             "with its button")
+    rules = raw.get("rules")
+    if isinstance(rules, dict) and "rule" in rules:
+        check_offered(rules["rule"])
     return validate_spec(raw, "specification", uploads.folder)
 
 

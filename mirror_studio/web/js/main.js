@@ -9,6 +9,7 @@ import { LawPlot } from "./laws.js";
 import { FlatMap, Plan } from "./maps.js";
 import { Mirror3D } from "./mirror3d.js";
 import { pictureOf, Road } from "./road.js";
+import { Rules } from "./rules.js";
 import { Stage } from "./stage.js";
 import { copy, LIMITS, limitOf, setLimit, Store } from "./state.js";
 import { Faults, post, postForFile, SILENT, Wire } from "./wire.js";
@@ -57,6 +58,7 @@ const flat = new FlatMap(find("#flat-map")), plan = new Plan(find("#plan")), sol
 solid.busy = () => wire.flying.size > 0 || performance.now() - changedAt < 120;
 const figures = new Figures(find("#figures"), store);
 const road = new Road(store, () => repin());
+const rules = new Rules(find("#rule-panel"), start.rules, store, (message) => wire.ask(message));
 
 const select = find("#quantity");
 select.append(...Object.entries(QUANTITIES).map(([key, { label, unit }]) => el("option", { value: key }, `${label}, ${unit}`)));
@@ -87,6 +89,7 @@ function toggle(id, act, on = false) {
 }
 toggle("#grid", (on) => { stage.grid = on; stage.draw(); });
 toggle("#reflection-lines", (on) => { solid.lines = on; solid.later(); });
+toggle("#rules", (on) => rules.toggle(on));
 toggle("#combs", (on) => { solid.combs = on; solid.later(); }, true);
 find("#eyes").addEventListener("click", () => store.edit(({ look }) => { look.eyes = look.eyes === "both" ? "one" : "both"; }));
 
@@ -137,6 +140,7 @@ function paint(soon) {
       notes(message);
     }
     controls.refresh();
+    rules.refresh();
     laws.forEach((law) => law.draw());
     figures.shown(null, pinned?.answer);
     road.refresh(now, pinned);
@@ -170,6 +174,7 @@ wire = new Wire({
   lost(reason) {
     find("#lost").textContent = reason ? `Connection closed: ${reason}. Connecting again …` : "The studio's server does not answer. Your work is kept here; connecting again …";
     find("#lost").hidden = false;
+    rules.lost();
     if (building) {
       endBuild();
       fail(new Error("the connection ended while files were being made: ask for them again"), "files");
@@ -186,6 +191,7 @@ wire = new Wire({
     stage.show(message);
     fresh = message;
     paint(true);
+    rules.due(message.fine);
   },
   working(message) { if (!answer || message.id > answer.id) road.working(message); },
   // The ground that is seen, before the fine picture is done.
@@ -203,6 +209,8 @@ wire = new Wire({
     road.failed();
     if (flight?.fine) done();
   },
+  ruled(message) { rules.answered(message); },
+  unruled(message) { rules.answered(message); },
   probed({ found }) { stage.probed(found); },
   building({ step }) { find("#build-step").textContent = step; progress(step); },
   built(message) { built = { ...message, key: buildKey }; deliver(true); },

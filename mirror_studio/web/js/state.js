@@ -105,7 +105,7 @@ export class Store {
 
   // Whether the specification is no longer its preset's; what it must meet is no part of that.
   get different() {
-    const [own, preset] = [this.now.spec, this.presets[this.now.preset]].map(({ limits, ...rest }) => flat(rest));
+    const [own, preset] = [this.now.spec, this.presets[this.now.preset]].map(({ limits, rules, ...rest }) => flat(rest));
     return differing(own, preset).length > 0;
   }
 
