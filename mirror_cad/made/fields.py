@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.designed import FLOOR, percent_scale
 from mirror_cad.deviation import CurvatureFields, Quantity, differences
-from mirror_cad.made.gauge import disc, on_gauge, point_sigmas
+from mirror_cad.made.gauge import at_points, disc, on_gauge
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.reconstruction import Reconstruction
 from mirror_cad.sections import SagDerivatives
@@ -63,12 +63,15 @@ class Lattice:
 class DeviationFields:
     """Measured minus designed at k places, convex positive; NaN where it is not known.
 
+    Height and slope are those of the smoothed surface at the place; their sigmas count the bias of smoothing. Curvature is that
+    over the gauge, without any other smoothing.
+
     Attributes
     ----------
     lattice : Lattice
         Where.
     gauge_mm : float
-        Over which slope and curvature are told.
+        Over which curvature is told.
     height, height_sigma : ndarray
         (k,), mm, along z.
     slope_x, slope_y : ndarray
@@ -127,7 +130,7 @@ def deviation_fields(nominal: Nominal, found: Reconstruction, gauge_mm: float) -
     found : Reconstruction
         What was measured.
     gauge_mm : float
-        The diameter over which slope and curvature are told.
+        The diameter over which curvature is told.
     """
     lattice = Lattice.over(nominal)
     places = lattice.places
@@ -143,19 +146,19 @@ def deviation_fields(nominal: Nominal, found: Reconstruction, gauge_mm: float) -
     gauge = on_gauge(found.fit, places[told], gauge_mm, on_mirror[told])
     slopes, covariances = np.full((len(places), 5), np.nan), np.full((len(places), 5, 5), np.nan)
     slopes[told], covariances[told] = gauge.values, gauge.covariances * found.sigma_factor**2
-    height, sigma = np.full(len(places), np.nan), np.full(len(places), np.nan)
-    height[there] = found.fit.heights(places[there, 0], places[there, 1])
-    sigma[there] = found.sigma_factor * point_sigmas(found.fit, places[there])
+    form, form_covariances = np.full((len(places), 3), np.nan), np.full((len(places), 3, 3), np.nan)
+    form[there], form_covariances[there] = at_points(found.smooth, places[there])
+    form_covariances *= found.sigma_factor**2
     design = nominal.derivatives(places[:, 0], places[:, 1])
     with np.errstate(invalid="ignore"):  # of what is not known
         before, after = shape_operator_of_sag(design), shape_operator_of_sag(_moved(design, slopes.T))
         jacobian = _jacobian(design, slopes, after)
     rms = rms_norm(before, np.ones(len(places)))
     variances = np.einsum("kqi,kij,kqj->kq", jacobian, covariances, jacobian)
-    variance_of_slopes = np.linalg.eigvalsh(np.nan_to_num(covariances[:, :2, :2]))[:, -1]
+    variance_of_slopes = np.linalg.eigvalsh(np.nan_to_num(form_covariances[:, 1:, 1:]))[:, -1]
     return DeviationFields(
-        lattice, gauge_mm, height, sigma, slopes[:, 0], slopes[:, 1],
-        np.where(told, np.sqrt(np.maximum(variance_of_slopes, 0.0)), np.nan),
+        lattice, gauge_mm, form[:, 0], np.sqrt(form_covariances[:, 0, 0]), form[:, 1], form[:, 2],
+        np.where(there, np.sqrt(np.maximum(variance_of_slopes, 0.0)), np.nan),
         differences(after, before), CurvatureFields(*np.sqrt(np.maximum(variances, 0.0)).T), before, after,
         _scales(before, rms), there, fits, np.logical_and(known, told))
 

@@ -81,8 +81,8 @@ def on_gauge(fit: SplineFit, places: Array, diameter_mm: float, counted: Mask) -
     return GaugeValues(values, covariances)
 
 
-def point_sigmas(fit: SplineFit, places: Array) -> Array:
-    """The sigma of d itself at places, (m,) mm.
+def at_points(fit: SplineFit, places: Array) -> tuple[Array, Array]:
+    """d, d_x and d_y at places themselves, (m, 3), and their covariances, (m, 3, 3), for the sigmas of the observations.
 
     Parameters
     ----------
@@ -91,13 +91,12 @@ def point_sigmas(fit: SplineFit, places: Array) -> Array:
     places : ndarray
         (m, 2), mm, in the spline's box.
     """
-    weights = np.ones((len(places), 1, 1))
-    result = np.empty(len(places))
-    for start in range(0, len(places), PLACES_AT_ONCE):
-        part = slice(start, start + PLACES_AT_ONCE)
-        _, covariances = _functionals(fit, places[part], np.zeros((1, 2)), weights[part])
-        result[part] = np.sqrt(np.maximum(covariances[:, 0, 0], 0.0))
-    return result
+    knots_x, knots_y = fit.space.knots
+    first_x, bx = basis_functions(knots_x, DEGREE, places[:, 0], 1)
+    first_y, by = basis_functions(knots_y, DEGREE, places[:, 1], 1)
+    patches = np.stack([bx[:, a, :, None] * by[:, b, None, :] for a, b in ((0, 0), (1, 0), (0, 1))], axis=1)
+    found: tuple[Array, Array] = _propagated(patches, np.stack([first_x, first_y], axis=1), fit.coefficients, fit.covariance)
+    return found
 
 
 def _functionals(fit: SplineFit, places: Array, offsets: Array, weights: Array) -> tuple[Array, Array]:

@@ -87,7 +87,7 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
     align : str
         How they are laid on it.
     gauge_mm : float
-        The diameter over which slope and curvature are told.
+        The diameter over which curvature is told.
     given : Motion, optional
         From the coordinates of the points to the design's, as files have them; none without it.
 

@@ -12,6 +12,7 @@ from mirror_cad.errors import MirrorError
 from mirror_cad.made.alignment import robust_sigma, tukey
 from mirror_cad.made.coverage import Coverage
 from mirror_cad.made.nominal import Nominal
+from mirror_cad.made.smoothing import smoothed
 from mirror_cad.made.spline_fit import Combined, Observations, Space, SplineFit, fit_spline, predicted
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 
@@ -34,6 +35,7 @@ PRIOR = 20.0  # times the designed curvature: what second derivatives may be whe
 PRIOR_FLAT = 0.2  # over the mirror's size, for a plane
 LEAST_POINTS = 6
 UNSTATED_MM = 1e-6  # a sigma to begin with, below all that is measured, so that the prior says nothing
+LEAST_FACTOR = 1e-6  # of residuals that are exactly nought
 NO_PRIOR = 1e9  # 1/mm
 
 
@@ -48,7 +50,9 @@ class Reconstruction:
     Attributes
     ----------
     fit : SplineFit
-        d(x, y) = z_measured − z_design.
+        d(x, y) = z_measured − z_design, by least squares: right on the average, and rough.
+    smooth : SplineFit
+        The same, smoothed as far as the noise asks for.
     sigma_factor : float
         What the sigmas of the observations are to be multiplied with: above 1 where the residuals are larger than they say.
     sigma_mm : float
@@ -66,6 +70,7 @@ class Reconstruction:
     """
 
     fit: SplineFit
+    smooth: SplineFit
     sigma_factor: float
     sigma_mm: float
     kept: Mask
@@ -149,7 +154,8 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     scale = chosen.scale if np.isfinite(chosen.scale) else 1.0
     factor = max(1.0, scale) if stated else scale
     sigma_mm = factor * float(np.median(given)) if len(given) else float("nan")
-    return Reconstruction(chosen, factor, sigma_mm, kept, residuals, coverage, principle, tuple(tried))
+    smooth = smoothed(chosen, max(factor, LEAST_FACTOR))
+    return Reconstruction(chosen, smooth, factor, sigma_mm, kept, residuals, coverage, principle, tuple(tried))
 
 
 def isolated_points(nominal: Nominal, x: Array, y: Array, along: Array, sigmas: Array) -> Mask:

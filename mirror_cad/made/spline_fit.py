@@ -127,28 +127,32 @@ class SplineFit:
         c, (n_x, n_y), mm.
     chi2, used : float, int
         Σ weight·(residual/sigma)², and how many observations count.
+    normal, vector, held, factor
+        N + E, b with (N + E)·c = b, E, what of it is not the observations', and the Cholesky factor of N + E.
     """
 
     space: Space
     coefficients: Array
     chi2: float
     used: int
-    _factor: tuple[Array, bool] = field(repr=False)
-    _held: coo_array = field(repr=False)
+    normal: Array = field(repr=False)
+    vector: Array = field(repr=False)
+    held: coo_array = field(repr=False)
+    factor: tuple[Array, bool] = field(repr=False)
 
     @cached_property
     def covariance(self) -> Array:
         """Of the coefficients in C order, (n, n), mm²; as the sigmas of the observations have it."""
-        inverse, info = dpotri(self._factor[0], lower=self._factor[1])
+        inverse, info = dpotri(self.factor[0], lower=self.factor[1])
         if info:
             raise SurfaceError(f"the covariance of {len(inverse)} coefficients cannot be had")
-        lower = np.tril(inverse) if self._factor[1] else np.triu(inverse).T
+        lower = np.tril(inverse) if self.factor[1] else np.triu(inverse).T
         return lower + np.tril(lower, -1).T
 
     @cached_property
     def determined(self) -> float:
         """How many coefficients the observations determine: n − tr(C·E), E being what they have no part in of the matrix."""
-        return self.coefficients.size - float(self.covariance[self._held.row, self._held.col] @ self._held.data)
+        return self.coefficients.size - float(self.covariance[self.held.row, self.held.col] @ self.held.data)
 
     @property
     def scale(self) -> float:
@@ -215,7 +219,6 @@ def fit_spline(space: Space, observations: Observations, combined: Sequence[Comb
     stencil, right = np.zeros((nx, ny, DEGREE + 1, 2 * DEGREE + 1)), np.zeros((nx, ny))
     knots_x, knots_y = space.knots
     weights = observations.weights / observations.sigmas**2
-    chi2_0 = 0.0
     order = 2 if observations.operators[:, 3:].any() else 1 if observations.operators[:, 1:3].any() else 0
     for start in range(0, observations.x.size, CHUNK):
         part = slice(start, start + CHUNK)
@@ -223,14 +226,12 @@ def fit_spline(space: Space, observations: Observations, combined: Sequence[Comb
         first_y, by = basis_functions(knots_y, DEGREE, observations.y[part], order)
         _accumulate(first_x, bx, first_y, by, observations.operators[part], observations.values[part], weights[part],
                     stencil, right)
-        chi2_0 += float(weights[part] @ observations.values[part] ** 2)
     data = _dense(stencil)
     vector = right.ravel()
     for each in combined:
         row = combined_row(space, each)
         data += np.outer(row, row) / each.sigma**2
         vector += row * each.value / each.sigma**2
-        chi2_0 += (each.value / each.sigma) ** 2
     energy, level = _energy(space), _level(space)
     hx, hy = space.span_mm
     total = float(np.trace(data))
@@ -245,11 +246,11 @@ def fit_spline(space: Space, observations: Observations, combined: Sequence[Comb
     coefficients = cho_solve(factor, vector, check_finite=False)
     # Once more on what is left: the normal equations alone lose half the digits.
     coefficients += cho_solve(factor, vector - data @ coefficients, check_finite=False)
-    fit = SplineFit(space, coefficients.reshape(nx, ny), 0.0, 0, factor, held)
+    fit = SplineFit(space, coefficients.reshape(nx, ny), 0.0, 0, data, vector, held, factor)
     chi2 = float(weights @ (observations.values - predicted(fit, observations)) ** 2) if observations.x.size else 0.0
     chi2 += sum(((each.value - float(combined_row(space, each) @ coefficients)) / each.sigma) ** 2 for each in combined)
     used = int((observations.weights > 0.0).sum()) + len(combined)
-    return SplineFit(space, fit.coefficients, chi2, used, factor, held)
+    return SplineFit(space, fit.coefficients, chi2, used, data, vector, held, factor)
 
 
 def predicted(fit: SplineFit, observations: Observations) -> Array:
@@ -351,24 +352,35 @@ def _dense(stencil: Array) -> Array:
 
 def _energy(space: Space) -> coo_array:
     """∫ d_xx² + 2·d_xy² + d_yy² over the box as a quadratic form of the coefficients."""
-    (gx, gy) = (_gram(knots) for knots in space.knots)
+    gx, gy = grams(space)
     return kron(gx[2], gy[0]) + 2.0 * kron(gx[1], gy[1]) + kron(gx[0], gy[2])
 
 
 def _level(space: Space) -> coo_array:
     """The mean square of d over PRIOR_HEIGHT of the box and that of its slopes over PRIOR_SLOPE, as a quadratic form."""
-    (gx, gy) = (_gram(knots) for knots in space.knots)
+    gx, gy = grams(space)
     width, height = space.box[1] - space.box[0], space.box[3] - space.box[2]
     return (kron(gx[0], gy[0]) / (PRIOR_HEIGHT * np.hypot(width, height)) ** 2
             + (kron(gx[1], gy[0]) + kron(gx[0], gy[1])) / PRIOR_SLOPE**2) / (width * height)
 
 
+def grams(space: Space) -> tuple[list[coo_array], list[coo_array]]:
+    """∫ B_i^(k)·B_j^(k) along x and along y, for k = 0 to 3.
+
+    Parameters
+    ----------
+    space : Space
+        Whose B-splines.
+    """
+    along_x, along_y = (_gram(knots) for knots in space.knots)
+    return along_x, along_y
+
+
 def _gram(knots: Array) -> list[coo_array]:
-    """∫ B_i^(k)·B_j^(k) for k = 0, 1, 2."""
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
     ends = np.unique(knots)
     half = 0.5 * np.diff(ends)
     x = (0.5 * (ends[1:] + ends[:-1])[:, None] + half[:, None] * nodes).ravel()
-    b = dense_basis(knots, DEGREE, x, 2)
+    b = dense_basis(knots, DEGREE, x, 3)
     w = (half[:, None] * weights).ravel()
-    return [coo_array((b[k] * w[:, None]).T @ b[k]) for k in range(3)]
+    return [coo_array((b[k] * w[:, None]).T @ b[k]) for k in range(4)]

@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from mirror_cad.deviation import QUANTITIES
+from mirror_cad.made.fields import Lattice
 from mirror_cad.made.figures import Figure, Figures
 from mirror_cad.made.inspection import Inspection
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.verdict import Verdict
 from mirror_studio.as_json import Json, JsonObject
+from mirror_studio.inspect.driver import DriversView
 
 
-def inspection_as_json(name: str, found: Inspection, figures: Figures, verdict: Verdict | None, motion: Motion,
-                       notes: tuple[str, ...]) -> JsonObject:
+def inspection_as_json(name: str, found: Inspection, left_out: dict[str, int], figures: Figures, verdict: Verdict | None,
+                       motion: Motion, notes: tuple[str, ...]) -> dict[str, Json]:
     """What inspection.json holds.
 
     Parameters
@@ -22,6 +24,8 @@ def inspection_as_json(name: str, found: Inspection, figures: Figures, verdict: 
         Of the mirror.
     found : Inspection
         The mirror.
+    left_out : dict
+        How many of its points do not count, by reason.
     figures : Figures
         Its main figures.
     verdict : Verdict or None
@@ -42,8 +46,8 @@ def inspection_as_json(name: str, found: Inspection, figures: Figures, verdict: 
                       "directions_not_told_by_the_shape": found.alignment.undetermined}
     content: dict[str, Json] = {
         "schema": 1, "name": name,
-        "points": {"used": int(found.used.sum()), "left_out": sum(found.left_out.values()),
-                   "left_out_because": dict(found.left_out), "spacing_mm": reconstruction.coverage.spacing_mm},
+        "points": {"used": int(found.used.sum()), "left_out": sum(left_out.values()),
+                   "left_out_because": {**left_out}, "spacing_mm": reconstruction.coverage.spacing_mm},
         "sigma_mm": found.sigma_mm, "sigma_from": "stated" if found.sigma_stated else "residuals",
         "gauge_mm": found.fields.gauge_mm,
         "alignment": alignment,
@@ -60,6 +64,24 @@ def inspection_as_json(name: str, found: Inspection, figures: Figures, verdict: 
         "possibly_percent": verdict.possibly_percent, "known_share": verdict.known_share, "level": 0.95}
     content["notes"] = list(notes)
     return content
+
+
+def view_as_json(view: DriversView, lattice: Lattice) -> JsonObject:
+    """What the driver sees, as inspection.json has it.
+
+    Parameters
+    ----------
+    view : DriversView
+        Of the measured mirror.
+    lattice : Lattice
+        Where the turns of rays are told.
+    """
+    worst, at = int(np.nanargmax(view.turn)), lattice.places
+    measures: dict[str, Json] = {each.name: {"designed": each.designed, "measured": each.measured, "sigma": each.sigma,
+                                             "interval": each.interval} for each in view.measures}
+    return {"measures": measures, "ray_turn": {
+        "max_arcmin": float(view.turn[worst]), "rms_arcmin": float(np.sqrt(np.nanmean(view.turn**2))),
+        "sigma_arcmin": float(np.sqrt(np.nanmean(view.turn_sigma**2))), "max_at_mm": [float(v) for v in at[worst]]}}
 
 
 def _figure(figure: Figure, unit: str) -> dict[str, Json]:

@@ -61,6 +61,19 @@ def sigma_maps(found: Inspection) -> bytes:
                 one_scale=True)
 
 
+def turn_maps(found: Inspection, turn: Array, sigma: Array) -> bytes:
+    """By how much the reflected rays turn, and its sigma; PNG.
+
+    Parameters
+    ----------
+    found : Inspection
+        The mirror.
+    turn, sigma : ndarray
+        (k,), arc minutes, at the lattice's places.
+    """
+    return _row(found, [("turn of the ray, arcmin", turn, False), ("sigma of the turn, arcmin", sigma, False)], width=0.5)
+
+
 def _unit(found: Inspection) -> str:
     return "1/m" if found.fields.flat else "%"
 
@@ -72,13 +85,13 @@ def _curvature(found: Inspection, key: str) -> tuple[Array, Array]:
     return fields.percent(key)  # type: ignore[arg-type]  # one of QUANTITIES
 
 
-def _row(found: Inspection, maps: list[tuple[str, Array, bool]], one_scale: bool = False) -> bytes:
+def _row(found: Inspection, maps: list[tuple[str, Array, bool]], one_scale: bool = False, width: float = 1.0) -> bytes:
     x_min, x_max, y_min, y_max = found.nominal.box
     known = found.fields.known
     with matplotlib.rc_context(STYLE):
-        each = WIDTH_IN / len(maps)
+        each = width * WIDTH_IN / len(maps)
         height = float(np.clip(0.78 * each * (y_max - y_min) / (x_max - x_min), 1.0, 6.0)) + 1.15
-        figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
+        figure = Figure(figsize=(width * WIDTH_IN, height), layout="constrained")
         row = figure.subplots(1, len(maps), squeeze=False)[0]
         # What stands at the rim, where the gauge does not, is less sure and sets no scale.
         largest = [float(np.nanmax(np.abs(v[known if known.any() else slice(None)]), initial=0.0)) for _, v, _ in maps]

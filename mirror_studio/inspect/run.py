@@ -18,8 +18,9 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json
-from mirror_studio.inspect.as_json import inspection_as_json
+from mirror_studio.inspect.as_json import inspection_as_json, view_as_json
 from mirror_studio.inspect.data import read_points
+from mirror_studio.inspect.driver import drivers_view
 from mirror_studio.inspect.reference import Reference, load_reference
 from mirror_studio.inspect.sheet import basis, write_sheet
 from mirror_studio.inspect.tables import write_maps, write_residuals
@@ -27,6 +28,7 @@ from mirror_studio.progress import Progress
 
 Array = NDArray[np.float64]
 
+SEEN_SHARE = 0.97  # of the mirror: with less of it measured, what a driver sees in it is not known
 LARGEST_SIGMA_MM = 10.0
 LEAST_GAUGE_MM = 0.1
 
@@ -100,17 +102,19 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
     name = reference.name
     with new_set(out) as folder:
         progress.step(f"{name}: files")
-        content = inspection_as_json(name, found, main, judged, _to_file(reference, found.motion), notes)
-        points = content["points"]
-        assert isinstance(points, dict)
-        points |= {"left_out": sum(left_out.values()), "left_out_because": left_out}
-        write_json(folder / "inspection.json", content)
-        write_maps(folder / f"{name}-maps.csv", found)
+        content = inspection_as_json(name, found, left_out, main, judged, _to_file(reference, found.motion), notes)
         write_residuals(folder / f"{name}-residuals.csv", found)
-        surface = measured_surface(reference.nominal, found.reconstruction.fit)
+        surface = measured_surface(reference.nominal, found.reconstruction.smooth)
         write_measured_step(folder / f"{name}-measured.step", reference, surface)
+        view = None
+        if main.measured_share >= SEEN_SHARE:
+            progress.step(f"{name}: what the driver sees")
+            view = drivers_view(reference, found.fields.lattice, found.reconstruction.smooth, found.reconstruction.sigma_factor)
+            content["driver"] = view_as_json(view, found.fields.lattice)
+        write_json(folder / "inspection.json", content)
+        write_maps(folder / f"{name}-maps.csv", found, view)
         facts = basis(found, str(asked.data), asked.against)
-        write_sheet(folder / "report.html", f"{name}: inspection of a made mirror", facts, found, main, judged, notes)
+        write_sheet(folder / "report.html", f"{name}: inspection of a made mirror", facts, found, main, judged, view, notes)
         if pdf:
             from mirror_studio.report.pdf import write_pdf
 
@@ -174,7 +178,11 @@ def _remarks(found: Inspection, main: Figures) -> list[str]:
                        f"curvature is not known. The points are about {found.reconstruction.coverage.spacing_mm:.3g} mm "
                        "apart: a "
                        "gauge of eight times that tells it where they cover an area")
-    elif main.known_share < 0.99:
+    if main.measured_share < SEEN_SHARE:
+        remarks.append(f"{100.0 * (1.0 - main.measured_share):.0f} % of the mirror were not measured: what the driver sees in "
+                       "it is "
+                       "not known. There the STEP file follows the design")
+    if found.fields.known.any() and main.known_share < 0.99:
         remarks.append(f"of the places where the gauge fits on the mirror {100.0 * (1.0 - main.known_share):.0f} % are not "
                        "known: "
                        "too few points lie there")

@@ -11,8 +11,9 @@ from mirror_cad.laws.words import plain
 from mirror_cad.made.figures import Figure, Figures
 from mirror_cad.made.inspection import Inspection
 from mirror_cad.made.verdict import Verdict
-from mirror_studio.inspect.pictures import curvature_maps, form_maps, sigma_maps
-from mirror_studio.report.text import MISSING, count, number, point_in_words, templates
+from mirror_studio.inspect.driver import DriversView
+from mirror_studio.inspect.pictures import curvature_maps, form_maps, sigma_maps, turn_maps
+from mirror_studio.report.text import MISSING, count, fixed, number, point_in_words, templates
 
 UNKNOWN_IN_WORDS = "not known"
 
@@ -30,8 +31,19 @@ class Row:
     sigma: str
 
 
+@dataclass(frozen=True, slots=True)
+class SeenRow:
+    """A measure as the table of what the driver sees shows it."""
+
+    name: str
+    unit: str
+    designed: str
+    measured: str
+    interval: str
+
+
 def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Inspection, figures: Figures,
-                verdict: Verdict | None, notes: tuple[str, ...]) -> None:
+                verdict: Verdict | None, view: DriversView | None, notes: tuple[str, ...]) -> None:
     """Write the page.
 
     Parameters
@@ -42,7 +54,7 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
         Of the page.
     facts : list of tuple
         Names and texts of what the report stands on.
-    found, figures, verdict
+    found, figures, verdict, view
         What it reports.
     notes : tuple of str
         What a user should know.
@@ -54,9 +66,15 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
                  "positive. Near the rim the gauge does not stand whole, and what is left of its disc tells less; these places "
                  "count for no figure above."),
                 (_png(sigma_maps(found)), "How sure that is: one sigma.")]
+    seen = [] if view is None else [SeenRow(
+        each.title, each.unit, fixed(each.designed, each.decimals), fixed(each.measured, each.decimals),
+        MISSING if each.interval is None else " to ".join(fixed(end, each.decimals) for end in each.interval))
+        for each in view.measures]
+    shown = None if view is None else [(_jpeg(view.designed_jpeg), "As designed"), (_jpeg(view.measured_jpeg), "As measured")]
+    turns = None if view is None else _png(turn_maps(found, view.turn, view.turn_sigma))
     page = templates().get_template("inspect.html.j2").render(
         title=title, facts=facts, verdict=verdict_in_words(verdict, found), rows=rows(figures, found.fields.flat),
-        pictures=pictures, notes=notes, gauge=plain(found.fields.gauge_mm))
+        pictures=pictures, notes=notes, seen=seen, shown=shown, turns=turns, gauge=plain(found.fields.gauge_mm))
     path.write_text(page, encoding="utf-8")
 
 
@@ -138,6 +156,10 @@ def basis(found: Inspection, source: str, against: str) -> list[tuple[str, str]]
                        "left out: "
              f"{left}"), ("Sigma of a point", sigma), ("Alignment", placed),
             ("Reconstruction", f"quintic B-spline of spans {spans} mm, by {reconstruction.principle}")]
+
+
+def _jpeg(data: bytes) -> str:
+    return f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"
 
 
 def _png(data: bytes) -> str:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from mirror_cad.deviation import QUANTITIES
 from mirror_cad.made.figures import ARCMIN
 from mirror_cad.made.inspection import Inspection
+from mirror_studio.inspect.driver import DriversView
 
 Array = NDArray[np.float64]
 
 MAX_RESIDUALS = 50_000  # rows: of more points every so-manieth
 
 
-def write_maps(path: Path, found: Inspection) -> None:
+def write_maps(path: Path, found: Inspection, view: DriversView | None) -> None:
     """A row a place: height, slopes, curvatures, each with its sigma; empty where it is not known.
 
     Parameters
@@ -25,6 +26,8 @@ def write_maps(path: Path, found: Inspection) -> None:
         Of the file.
     found : Inspection
         The mirror.
+    view : DriversView or None
+        What the driver sees in it.
     """
     fields = found.fields
     places = fields.lattice.places
@@ -39,6 +42,8 @@ def write_maps(path: Path, found: Inspection) -> None:
             columns[f"{quantity}_percent"], columns[f"{quantity}_sigma_percent"] = fields.percent(quantity)
     for name, w in (("designed", fields.designed), ("measured", fields.measured)):
         columns |= {f"{key}_{name}_per_m": 1e3 * value for key, value in zip(("kx", "ky", "twist"), w, strict=True)}
+    if view is not None:
+        columns |= {"ray_turn_arcmin": view.turn, "ray_turn_sigma_arcmin": view.turn_sigma}
     columns["gauge_stands"] = fields.known.astype(np.float64)
     _write(path, columns)
 
