@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +17,9 @@ import pytest
 import mirror_cad
 from mirror_cad.errors import MirrorError, SpecError
 from mirror_studio.cli import run
+from mirror_studio.explore.evaluate import Row, evaluate
 from mirror_studio.explore.optimise import optimise
-from mirror_studio.explore.store import STORE
+from mirror_studio.explore.store import STORE, Store
 from mirror_studio.explore.study import Study, load_study
 from mirror_studio.explore.sweep import sweep
 from mirror_studio.progress import Progress
@@ -147,6 +149,15 @@ measures = ["v_fov_left_traced_deg"]
     assert "behind the mirror" in rows(out / "rows.csv")[1]["cause"]
 
 
+def descendants(pid: int) -> list[int]:
+    """A process and all that it has started."""
+    found = [pid]
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in task.read_text().split():
+            found += descendants(int(child))
+    return found
+
+
 def of_radii(folder: Path) -> None:
     """A specification of two constant laws, which are no sphere where only one is varied."""
     law = 'law = "constant"\nradius_mm = 950.0\n'
@@ -255,22 +266,98 @@ def test_no_scheduler_is_said(tmp_path: Path) -> None:
         sweep(study(tmp_path, SWEEP), tmp_path / "out", QUIET, "tcp://127.0.0.1:9")
 
 
+def test_the_front_is_what_its_step_files_hold(tmp_path: Path) -> None:
+    """Every figure of the table, read back from the file that is made of the design."""
+    optimise(study(tmp_path, OPTIMISE, True), tmp_path / "out", QUIET)
+    front = rows(tmp_path / "out" / "front.csv")
+    assert front
+    assert all(float(row["step_apart"]) < 1e-6 for row in front)
+
+
+def test_two_commands_do_not_work_on_one_study(swept: tuple[Study, Path]) -> None:
+    loaded, out = swept
+    held = Store(out, loaded)
+    try:
+        with pytest.raises(SpecError, match="another command is at work on this study"):
+            sweep(loaded, out, QUIET)
+    finally:
+        held.close()
+    sweep(loaded, out, QUIET)
+
+
+def test_a_full_disk_is_said_and_loses_nothing(tmp_path: Path) -> None:
+    """A process whose files may have 600 bytes: what was written is whole, and the same command goes on."""
+    path = tmp_path / "study.toml"
+    path.write_text(SWEEP, encoding="utf-8")
+    command = [sys.executable, "-m", "mirror_studio", "sweep", str(path), "--out", str(tmp_path / "out")]
+    program = ("import os, resource; resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600)); "
+               f"os.execv({sys.executable!r}, {command!r})")
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "cannot be written: File too large; what is there is whole, and the same command goes on from it" in done.stderr
+    assert "Traceback" not in done.stderr
+    sweep(load_study(path), tmp_path / "out", QUIET)
+    sweep(load_study(path), tmp_path / "whole", QUIET)
+    assert (tmp_path / "out" / "rows.csv").read_bytes() == (tmp_path / "whole" / "rows.csv").read_bytes()
+
+
+def deadly(index: int, *rest: Any) -> Row:
+    """A design whose third takes its process with it, as a fault in compiled code does."""
+    if index == 2:
+        os._exit(9)
+    return evaluate(index, *rest)
+
+
+@pytest.mark.long
+def test_a_design_that_kills_its_workers_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mirror_studio.explore.workers.FEW", 0)
+    monkeypatch.setattr("mirror_studio.explore.workers.evaluate", deadly)
+    assert sweep(study(tmp_path, SWEEP.replace("[100.0, 1350.0]", "[1300.0, 1350.0]")), tmp_path / "out", QUIET) == {
+        "ok": 5, "failed": 1}
+    row = rows(tmp_path / "out" / "rows.csv")[2]
+    assert (row["status"], row["cause"]) == ("failed", "3 workers died on this design")
+
+
+@pytest.mark.long
+def test_one_worker_and_two_find_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a scheduler of their own, as on a cluster."""
+    from distributed import LocalCluster
+
+    loaded, stores = study(tmp_path, OPTIMISE.replace("generations = 2", "generations = 4"), True), []
+    for count in (1, 2):
+        with LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster:
+            optimise(loaded, tmp_path / str(count), QUIET, cluster.scheduler_address)
+        stores.append((tmp_path / str(count) / STORE).read_bytes())
+    assert stores[0] == stores[1]
+
+
 @pytest.mark.long
 def test_kills_of_the_command_lose_no_row(tmp_path: Path) -> None:
-    """On a cluster of this machine's cores, killed five times; the table is that of one process, undisturbed."""
+    """On a cluster of this machine's cores; ten times the command or a worker is killed at a random moment.
+
+    The table is that of one process, undisturbed.
+    """
     path = tmp_path / "study.toml"
     path.write_text(SWEEP.replace("count = 3", "count = 60"), encoding="utf-8")
     sweep(load_study(path), tmp_path / "whole", QUIET)
     command = [sys.executable, "-m", "mirror_studio", "sweep", str(path), "--out", str(tmp_path / "out")]
-    for _ in range(5):
+    random, store = np.random.default_rng(8), tmp_path / "out" / STORE
+    for kill in range(5):
         with subprocess.Popen(command, start_new_session=True, stderr=subprocess.DEVNULL) as process:
-            store, begun = tmp_path / "out" / STORE, time.monotonic()
-            before = store.stat().st_size if store.exists() else 0
-            while process.poll() is None and time.monotonic() - begun < 90.0:
-                if store.exists() and store.stat().st_size > before + 2000:
+            for what in ("worker", "command"):
+                begun, before = time.monotonic(), store.stat().st_size if store.exists() else 0
+                while process.poll() is None and time.monotonic() - begun < 90.0:
+                    if store.exists() and store.stat().st_size > before + 1000 * kill:
+                        break
+                    time.sleep(0.05)
+                time.sleep(float(random.uniform(0.0, 0.5)))
+                if process.poll() is not None:
                     break
-                time.sleep(0.05)
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
+                if what == "command":
+                    os.killpg(process.pid, signal.SIGKILL)
+                else:
+                    workers = [pid for pid in descendants(process.pid) if pid != process.pid]
+                    if workers:
+                        os.kill(int(random.choice(workers)), signal.SIGKILL)
     subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     assert (tmp_path / "out" / "rows.csv").read_bytes() == (tmp_path / "whole" / "rows.csv").read_bytes()

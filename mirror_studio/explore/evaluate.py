@@ -13,7 +13,7 @@ from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_studio.drive.measured import asked_of, in_use, shown_round
-from mirror_studio.drive.mirrors import on_vehicle
+from mirror_studio.drive.mirrors import exported, on_vehicle
 from mirror_studio.drive.world import bodies_and_left_out
 from mirror_studio.rules.figures import rule_figures
 from mirror_studio.scene_file import SceneFile, load_scene
@@ -35,10 +35,13 @@ class Row:
 
 
 def evaluate(index: int, values: tuple[float | str | bool, ...], raw: dict[str, Any], folder: str, scene: str | None,
-             measures: Sequence[str]) -> Row:
-    """Design one mirror and take its measures. Whatever goes wrong is the row's cause."""
+             measures: Sequence[str], from_file: bool = False) -> Row:
+    """Design one mirror and take its measures. Whatever goes wrong is the row's cause.
+
+    from_file : of what its exported STEP file holds.
+    """
     try:
-        spec, use = _in_use(raw, folder, scene)
+        spec, use = _in_use(raw, folder, scene, from_file)
         known = measures_of(use)
         rules = [name for name in measures if name not in known]
         of_rule = rule_figures(spec, use.setup.reflector, use.vehicle, rules) if rules else {}
@@ -50,6 +53,12 @@ def evaluate(index: int, values: tuple[float | str | bool, ...], raw: dict[str, 
     except Exception as error:  # a design that no message was written for is a row as well
         return failed(index, values, len(measures), f"internal error: {type(error).__name__}: {error}")
     return Row(index, values, figures, "ok", "")
+
+
+def evaluate_file(index: int, values: tuple[float | str | bool, ...], raw: dict[str, Any], folder: str, scene: str | None,
+                  measures: Sequence[str]) -> Row:
+    """`evaluate` of the mirror as its exported STEP file has it."""
+    return evaluate(index, values, raw, folder, scene, measures, True)
 
 
 def failed(index: int, values: tuple[float | str | bool, ...], count: int, cause: str) -> Row:
@@ -64,10 +73,10 @@ def names_on_vehicle(scene: str) -> tuple[str, ...]:
     return tuple(measures_of(_in_use(spec_as_json(load_spec("sphere-950")), ".", scene)[1]))
 
 
-def _in_use(raw: dict[str, Any], folder: str, scene: str | None) -> tuple[MirrorSpec, MirrorInUse]:
+def _in_use(raw: dict[str, Any], folder: str, scene: str | None, from_file: bool = False) -> tuple[MirrorSpec, MirrorInUse]:
     spec = validate_spec(raw, "design", Path(folder))
     mirror = design(spec)
-    reflector = Reflector.from_mirror(mirror)
+    reflector = exported(spec) if from_file else Reflector.from_mirror(mirror)
     if scene is None:
         return spec, ViewingSetup.of(spec, mirror.box).in_use(reflector, mirror)
     loaded, asked = _scene(scene)

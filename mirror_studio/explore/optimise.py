@@ -17,6 +17,7 @@ from mirror_studio.explore.store import Store, write_rows
 from mirror_studio.explore.study import OptimiseSection, Study, Value
 from mirror_studio.explore.workers import Workers
 from mirror_studio.progress import Progress
+from raytrace.measures.registry import registered
 
 Array = NDArray[np.float64]
 
@@ -55,11 +56,16 @@ class _Judge:
     def __init__(self, study: Study, asked: OptimiseSection) -> None:
         at = {name: k for k, name in enumerate(study.measures)}
         self.objectives = [(at[name], 1.0) for name in asked.minimise] + [(at[name], -1.0) for name in asked.maximise]
+        # A lane that bends the other way is as bent: of what may have either sign and serves by being small, the size counts.
+        known = registered()
+        self.by_size = {at[name] for name in (*asked.minimise, *asked.maximise)
+                        if name in known and known[name].better == "less"}
         self.limits = [(name, at[name], sign, end) for name, (least, most) in asked.limits.items()
                        for sign, end in ((-1.0, least), (1.0, most)) if np.isfinite(end)]
 
     def objectives_of(self, row: Row) -> Array:
-        return np.array([NO_FIGURE if (value := row.figures[k]) is None else sign * value for k, sign in self.objectives])
+        return np.array([NO_FIGURE if (value := row.figures[k]) is None else sign * (abs(value) if k in self.by_size else value)
+                         for k, sign in self.objectives])
 
     def misses(self, row: Row) -> Array:
         """By how much each limit is missed, negative where it is met, in shares of its size."""
@@ -84,10 +90,14 @@ class _Evaluations:
         wanted = [tuple(float(v) for v in self.low + (self.high - self.low) * row) for row in np.atleast_2d(shares)]
         missing: list[tuple[Value, ...]] = [values for values in dict.fromkeys(wanted) if values not in self.by_values]
         following = max(self.store.rows, default=-1) + 1
-        # Numbered by their place, so that the store is the same whichever worker is done first.
-        for row in sorted(self.workers.rows(list(enumerate(missing, following))), key=lambda row: row.index):
-            self.store.append(row)
-            self.by_values[row.values] = row
+        # Numbered by their place and kept in that order, so that the store is the same whichever worker is done first.
+        waiting: dict[int, Row] = {}
+        for row in self.workers.rows(list(enumerate(missing, following))):
+            waiting[row.index] = row
+            while (row_next := waiting.pop(following, None)) is not None:
+                self.store.append(row_next)
+                self.by_values[row_next.values] = row_next
+                following += 1
         rows = [self.by_values[values] for values in wanted]
         self.asked += rows
         return rows
@@ -135,13 +145,14 @@ def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None 
                 multipliers, unsettled = _held_by(evaluations, judge)
             else:
                 settled = _several(evaluations, judge, study.file.seed, asked)
+            rows = [store.rows[index] for index in sorted(store.rows)]
+            front = front_of(rows, judge)
+            apart = _from_files(workers, front, progress)
         finally:
             workers.close()
         store.tables()
     finally:
         store.close()
-    rows = [store.rows[index] for index in sorted(store.rows)]
-    front = front_of(rows, judge)
     nearest = None
     if not front:
         ok = [row for row in rows if row.status == "ok"]
@@ -155,12 +166,30 @@ def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None 
                                      if miss > -ACTIVE))
     found = Optimum(tuple(front), nearest, tuple(settled), active, len(rows), sum(row.status != "ok" for row in rows),
                     multipliers, unsettled)
-    write_rows(out, "front", study, front)
+    write_rows(out, "front", study, front, more={"step_apart": apart})
     _write_summary(out / "optimise.json", study, found)
     write_page(out / PAGE, study, rows, front, settled, "best figure" if len(judge.objectives) == 1 else "hypervolume",
                _settled_in_words(judge, found))
     progress.step(f"{found.evaluations} designs, {found.failed} failed; {len(front)} on the front, in {out}")
     return found
+
+
+def _from_files(workers: Workers, front: Sequence[Row], progress: Progress) -> list[float | None]:
+    """How far the figures of each row of the front are from those of its exported STEP file; None where that has none.
+
+    The largest difference, as a share of the figure where that is above 1.
+    """
+    if not front:
+        return []
+    progress.step(f"the {len(front)} designs of the front from their STEP files")
+    found = {row.index: row for row in workers.rows([(row.index, row.values) for row in front], from_files=True)}
+    apart: list[float | None] = []
+    for row in front:
+        pairs = list(zip(row.figures, found[row.index].figures, strict=True))
+        same = found[row.index].status == "ok" and all((one is None) == (other is None) for one, other in pairs)
+        off = [abs(one - other) / max(1.0, abs(one)) for one, other in pairs if one is not None and other is not None]
+        apart.append(max(off, default=0.0) if same else None)
+    return apart
 
 
 def front_of(rows: Sequence[Row], judge: _Judge) -> list[Row]:

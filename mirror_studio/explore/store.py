@@ -7,8 +7,8 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
+from io import FileIO
 from pathlib import Path
-from typing import IO
 
 from mirror_cad.errors import SpecError, WriteError
 from mirror_studio.explore.evaluate import Row
@@ -29,8 +29,13 @@ class Store:
         self.rows: dict[int, Row] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            kept = self._read(head)
-            self._stream: IO[bytes] = self.path.open("r+b" if self.path.exists() else "w+b")
+            self._read(head)
+            # Without a buffer: what a full disk did not take would be tried again as the file is closed.
+            self._stream: FileIO = self.path.open("r+b" if self.path.exists() else "w+b", buffering=0)
+            if not _locked(self._stream):
+                self._stream.close()
+                raise SpecError(f"{folder}: another command is at work on this study: wait for it, or give another --out")
+            kept = self._read(head)  # once more: what is whole now that nobody else writes
             self._stream.truncate(kept)
             self._stream.seek(kept)
             if not kept:
@@ -68,8 +73,9 @@ class Store:
 
     def _write(self, entry: object) -> None:
         try:
-            self._stream.write(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
-            self._stream.flush()
+            left = memoryview(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
+            while left:
+                left = left[self._stream.write(left):]
             os.fsync(self._stream.fileno())
         except OSError as error:
             raise WriteError(f"{self.path}: cannot be written: {error.strerror or error}; what is there is whole, and the same "
@@ -84,14 +90,29 @@ class Store:
         write_rows(self.path.parent, "rows", self.study, [self.rows[index] for index in sorted(self.rows)], parquet=True)
 
 
-def write_rows(folder: Path, name: str, study: Study, rows: Sequence[Row], parquet: bool = False) -> None:
-    """Write NAME.csv, and NAME.parquet where asked for: a column a key and a measure, status and cause."""
+def _locked(stream: FileIO) -> bool:
+    """Keep other commands from a file until it is closed; whether none has it. The system ends that with the process."""
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # not on this system
+        return True
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def write_rows(folder: Path, name: str, study: Study, rows: Sequence[Row], parquet: bool = False,
+               more: Mapping[str, Sequence[object]] | None = None) -> None:
+    """Write NAME.csv, and NAME.parquet where asked for: a column a key and a measure, status, cause, and more of them."""
     columns: dict[str, list[object]] = {}
     for k, key in enumerate(study.keys):
         columns[key] = [row.values[k] for row in rows]
     for k, measure in enumerate(study.measures):
         columns[measure] = [row.figures[k] for row in rows]
     columns |= {"status": [row.status for row in rows], "cause": [row.cause for row in rows]}
+    columns |= {name: list(values) for name, values in (more or {}).items()}
     try:
         _write_csv(folder / f"{name}.csv", list(columns), zip(*columns.values(), strict=True))
         if parquet:

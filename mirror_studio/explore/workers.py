@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from mirror_cad.errors import MirrorError
-from mirror_studio.explore.evaluate import Row, evaluate, failed
+from mirror_studio.explore.evaluate import Row, evaluate, evaluate_file, failed
 from mirror_studio.explore.study import Study, Value
+from raytrace import parallel
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -35,29 +37,34 @@ class Workers:
             self._client = _reach(scheduler)
             self._stack.callback(self._client.close)
 
-    def rows(self, designs: Sequence[tuple[int, tuple[Value, ...]]]) -> Iterator[Row]:
-        """Evaluate designs (index, values), in the order in which they are done."""
+    def rows(self, designs: Sequence[tuple[int, tuple[Value, ...]]], from_files: bool = False) -> Iterator[Row]:
+        """Evaluate designs (index, values), in the order in which they are done.
+
+        from_files : as their exported STEP files have them.
+        """
         if self._client is None and len(designs) > FEW:
             self._client = self._local()
+        judge = evaluate_file if from_files else evaluate
         for start in range(0, len(designs), AT_ONCE):
             part = designs[start:start + AT_ONCE]
-            yield from self._here(part) if self._client is None else self._on(self._client, part)
+            yield from self._here(part, judge) if self._client is None else self._on(self._client, part, judge)
 
     def close(self) -> None:
         """End what was started here."""
         self._stack.close()
 
-    def _here(self, designs: Sequence[tuple[int, tuple[Value, ...]]]) -> Iterator[Row]:
+    def _here(self, designs: Sequence[tuple[int, tuple[Value, ...]]], judge: Callable[..., Row]) -> Iterator[Row]:
         study = self.study
         for index, values in designs:
-            yield evaluate(index, values, study.with_values(values), str(study.folder), study.scene, study.measures)
+            yield judge(index, values, study.with_values(values), str(study.folder), study.scene, study.measures)
 
-    def _on(self, client: Client, designs: Sequence[tuple[int, tuple[Value, ...]]]) -> Iterator[Row]:
+    def _on(self, client: Client, designs: Sequence[tuple[int, tuple[Value, ...]]], judge: Callable[..., Row]) -> Iterator[Row]:
         from distributed import as_completed
 
         study = self.study
-        handed = {client.submit(evaluate, index, values, study.with_values(values), str(study.folder.resolve()), study.scene,
-                                study.measures, pure=False, retries=1): (index, values) for index, values in designs}
+        folder = str(study.folder.resolve())
+        handed = {client.submit(_alone, judge, index, values, study.with_values(values), folder, study.scene, study.measures,
+                                pure=False, retries=1): (index, values) for index, values in designs}
         for future in as_completed(list(handed)):  # type: ignore[no-untyped-call]
             index, values = handed[future]
             if future.status == "finished":
@@ -78,6 +85,14 @@ class Workers:
             dashboard_address="127.0.0.1:0", silence_logs=50))
         client: Client = self._stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
         return client
+
+
+def _alone(judge: Callable[..., Row], *given: object) -> Row:
+    """One design in a worker, which is one of several on its machine: on one thread, and what was loaded is no garbage."""
+    if parallel.THREADS != 1:
+        parallel.THREADS = 1
+        gc.freeze()
+    return judge(*given)
 
 
 def _reach(address: str) -> Client:
