@@ -217,6 +217,18 @@ def test_areas_of_outlines_are_those_of_the_widths() -> None:
         assert np.mean(within(seen.outlines[0], x.ravel(), y.ravel()) == seen.mask.ravel()) > 0.9995  # chords near by
 
 
+def test_outlines_reach_to_their_tips() -> None:
+    """The least and the largest X of what one eye sees without a vehicle: those of dense rays through the mirror's edge."""
+    view, _ = two("sphere-950")
+    edge = edge_of(view)
+    k = np.repeat(np.arange(len(edge.following)), 20)
+    _, traced = edge.between(k, np.tile(np.linspace(0.0, 1.0, 20, endpoint=False), len(edge.following)))
+    lands = traced.directions[:, 2] < 0.0
+    x = traced.points[lands, 0] - traced.points[lands, 2] * traced.directions[lands, 0] / traced.directions[lands, 2]
+    (outline,) = seen_ground(view, view).left.outlines
+    assert outline[:, 0].min() == pytest.approx(x.min(), abs=2.0)  # by a vertex of the edge, and 1e-3 mm inside
+
+
 def area(polygon: Array) -> float:
     x, y = polygon.T
     return float(abs(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))

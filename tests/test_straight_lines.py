@@ -153,6 +153,29 @@ def test_lines_in_a_sphere_are_seen_where_the_normal_halves_the_angle() -> None:
         assert np.cos(tilt.arcmin / ARCMIN) == pytest.approx(abs(cosine), abs=1e-9)
 
 
+def test_what_a_sphere_adds_to_a_columns_tilt_is_over_the_plane_that_touches_it_at_the_images_middle() -> None:
+    """The eye's image in that plane sees the column's ends directly; the plane from the sphere alone."""
+    pose = Pose(CENTRE, np.zeros(3), np.radians(14.0), np.radians(6.0))
+    view, centre = View(ball(600.0), pose, EYE), pose.to_vehicle(np.array([0.0, 0.0, -600.0]))
+    tilt = column_tilt(view, column(9_000.0, -5500.0, 6000.0))
+    assert tilt is not None
+    middle = tilt.image.places[[0, -1]].mean(axis=0)
+    ray = pose.to_vehicle(np.array([*middle, 0.0])) - EYE
+    ray /= np.linalg.norm(ray)
+    along = (centre - EYE) @ ray
+    foot = EYE + (along - np.sqrt(along**2 - ((centre - EYE) @ (centre - EYE) - 600.0**2))) * ray
+    normal = (foot - centre) / 600.0
+    behind = EYE - 2.0 * ((EYE - foot) @ normal) * normal
+    ends = column(9_000.0, -5500.0, 6000.0).at(tilt.image.along_mm[[0, -1]]) - behind
+    low, high = (end - 2.0 * (end @ normal) * normal for end in ends)  # as the mirror turns them over
+    low, high = low / np.linalg.norm(low), high / np.linalg.norm(high)
+    plane, upright = np.cross(low, high), np.cross(low + high, [0.0, 0.0, 1.0])
+    cosine = plane @ upright / np.linalg.norm(plane) / np.linalg.norm(upright)
+    assert abs(tilt.flat_arcmin) == pytest.approx(ARCMIN * np.arccos(abs(cosine)), rel=1e-6)
+    assert abs(tilt.flat_arcmin) > 60.0
+    assert tilt.own_arcmin == tilt.arcmin - tilt.flat_arcmin
+
+
 def test_lines_in_a_plane_of_symmetry_stay_straight() -> None:
     """The plane of the eye and a sphere's centre, and the level plane of the eye and an upright cylinder: every normal in them
     lies in them, so all of the image does."""

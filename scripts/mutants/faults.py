@@ -77,11 +77,11 @@ def sampled(path: str, source: str, count: int, seed: int) -> list[Fault]:
     """`count` faults of a file, of all kinds in turn, no two on a line."""
     chance = random.Random(f"{seed} {path}")
     inside = _formulas(source)
-    tree = get_ast(source)
+    nodes, meaning = list(ast_nodes(get_ast(source))), ast.dump(ast.parse(source))
     waiting = []
     for kind, operators in _kinds().items():
         found = [(operator, k, start) for operator in operators for k, (start, _) in enumerate(
-            position for node in ast_nodes(tree) for position in operator.mutation_positions(node)) if start[0] in inside]
+            position for node in nodes for position in operator.mutation_positions(node)) if start[0] in inside]
         chance.shuffle(found)
         waiting.append((kind, found))
     chance.shuffle(waiting)
@@ -92,9 +92,9 @@ def sampled(path: str, source: str, count: int, seed: int) -> list[Fault]:
                 operator, k, (line, column) = found.pop()
                 if column not in inside[line] or any(line == other.line for other in faults):
                     continue
-                fault = _planted(path, source, kind, operator, k, line)
-                if fault is not None:
-                    faults.append(fault)
+                text = mutate_code(source, operator, k)
+                if text is not None and _means(text) not in (None, meaning):
+                    faults.append(_fault(path, source, text, kind, line))
                     break
     return faults
 
@@ -106,14 +106,11 @@ def by_hand(path: str, source: str, old: str, new: str) -> Fault:
     return _fault(path, source, source.replace(old, new), "by hand", source[:source.index(old)].count("\n") + 1)
 
 
-def _planted(path: str, source: str, kind: str, operator: Operator, k: int, line: int) -> Fault | None:
-    text = mutate_code(source, operator, k)
+def _means(text: str) -> str | None:
     try:
-        if text is None or ast.dump(ast.parse(text)) == ast.dump(ast.parse(source)):
-            return None
+        return ast.dump(ast.parse(text))
     except SyntaxError:
         return None
-    return _fault(path, source, text, kind, line)
 
 
 def _fault(path: str, source: str, text: str, kind: str, line: int) -> Fault:
