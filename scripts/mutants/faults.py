@@ -69,8 +69,8 @@ class Fault:
 
     @property
     def name(self) -> str:
-        """What tells it from others in a list of results."""
-        return f"{self.path}:{self.line}: {self.before} -> {self.after}"
+        """What tells it from others in a list of results; lines of text may come before it."""
+        return f"{self.path}: {self.before} -> {self.after}"
 
 
 def sampled(path: str, source: str, count: int, seed: int) -> list[Fault]:
