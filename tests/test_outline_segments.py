@@ -111,6 +111,14 @@ def test_a_segment_that_is_not_one_is_refused(make, said):
         make()
 
 
+@pytest.mark.parametrize("edges", [1, 2, 7, 50])
+def test_an_arc_gets_as_few_edges_as_the_tolerance_allows(edges):
+    arc = Arc((3.0, -2.0), 40.0, 0.3, -0.6)
+    exact = 40.0 * (1.0 - math.cos(0.6 / edges / 2.0))  # of a chord over that share of the arc
+    assert len(arc.samples(exact * (1.0 + 1e-6))) == edges + 1
+    assert len(arc.samples(exact * (1.0 - 1e-6))) == edges + 2
+
+
 def test_a_spline_is_not_broken_into_more_edges_than_the_limit(monkeypatch):
     monkeypatch.setattr("mirror_cad.outline.spline.MAXIMUM_EDGES", 1000)
     assert len(wavy_spline().samples(1e-2)) < 1000

@@ -149,6 +149,18 @@ def test_impossible_profiles_are_refused_with_place_and_numbers() -> None:
         mirror_cad.design(spec_of(constant(1250.0), constant(160.0)))
 
 
+def test_as_few_and_as_many_steps_are_taken_as_the_message_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight steps over the whole sheet, 0.26 m of it, are the fewest; the most, here 40, are too."""
+    monkeypatch.setattr("mirror_cad.profile.LONGEST_MARCH", 40)
+    kappa = laws.Constant(radius_mm=1000.0).over(SPAN).series(-130.0, 130.0)
+    circle = integrate_exactly(sine_of_tangent_angle(kappa, 0.0), kappa)
+    for step, count in ((260.0 / 8, 8), (260.0 / 40, 40)):
+        assert integrate_ode(kappa, circle, "rk4", step).steps == count
+    for step, count in ((260.0 / 7, 7), (260.0 / 41, 41)):
+        with pytest.raises(mirror_cad.ProfileError, match=rf"gives {count} steps .* choose it between 6\.5 and 32\.5 mm"):
+            integrate_ode(kappa, circle, "rk4", step)
+
+
 def test_match_without_a_solution_names_the_range_that_can_be_reached() -> None:
     law = {"law": "zones", "right_mm": 1250.0, "left_mm": 400.0, "blend_from": "match", "match": {"h_fov_deg": 90.0}}
     with pytest.raises(mirror_cad.SpecError, match=r"90\.00°.*reaches 38\.\d\d° to 54\.\d\d°"):

@@ -46,7 +46,7 @@ def main() -> None:
             row = {"name": fault.name, "kind": fault.kind, **found, "run": [*had, *found["run"]]}
             with RESULTS.open("a", encoding="utf-8") as out:
                 out.write(json.dumps(row) + "\n")
-            print(f"{row['seen_by'] or 'SURVIVED'} [{' '.join(row['run'])}] line {fault.line}, {fault.kind}: {fault.name}", flush=True)
+            print(f"{row['seen_by'] or 'SURVIVED'} [{' '.join(row['run'])}] line {fault.line}: {fault.name}", flush=True)
 
 
 def _faults(plan: dict[str, Any], folder: Path) -> list[Fault]:
