@@ -378,6 +378,7 @@ def test_a_mirror_behind_a_wall_shows_nothing() -> None:
     turned = yaw_coverage(view.reflector, pose, EYES, OWN, LANE, np.radians([0.0, -110.0]))
     assert np.isnan(turned.azimuth_from).all()
     assert np.isnan(turned.blind_mm).tolist() == [False, True]  # at the second the eye is behind the mirror
+    assert turned.endless.tolist() == [True, False]
 
 
 # --- intervals ------------------------------------------------------------------------------------------------------------

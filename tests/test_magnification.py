@@ -14,7 +14,7 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.differential import shape_operator
 from mirror_cad.surfaces.quadric import Quadric
 from raytrace.load import load_reflector
-from raytrace.measures.magnification import MagnificationMap, magnification_map
+from raytrace.measures.magnification import MagnificationMap, magnification_extremes, magnification_map
 from raytrace.reflector import Reflector
 from raytrace.surfaces.plate import Plate
 from raytrace.surfaces.quadric import QuadricFace
@@ -269,6 +269,21 @@ def test_a_map_holds_the_same_values_however_finely_it_is_sampled() -> None:
         *(getattr(fine.magnification, name)[1::3, 1::3] for name in ("horizontal", "vertical", "area"))))
     assert np.allclose(coarse.x, inner.x, rtol=0, atol=1e-12)
     assert same(coarse, inner) < 1e-9
+
+
+def test_the_least_and_the_largest_are_what_is_found_where_they_are_said_to_be_and_no_dense_grid_has_others() -> None:
+    for view in (View(spline("progressive-c"), POSE, EYE), View(quadric("sphere", 900.0), POSE, EYE)):
+        found = magnification_extremes(view)
+        dense = magnification_map(view, columns=121, rows=181)
+        shown = view.trace_places(dense.places.reshape(-1, 2)).seen.reshape(dense.places.shape[:2])
+        for extent, name in ((found.horizontal, "horizontal"), (found.vertical, "vertical"), (found.ratio, "ratio")):
+            assert extent is not None
+            values = getattr(dense.magnification, name)[shown]
+            assert extent.least <= values.min() * (1.0 + 1e-6)
+            assert extent.largest >= values.max() * (1.0 - 1e-6)
+            for value, at in ((extent.least, extent.least_at_mm), (extent.largest, extent.largest_at_mm)):
+                place = view.untrimmed.places_over(*np.array(at)[:, None])
+                assert getattr(ray_differentials(view.untrimmed, place).at(), name)[0] == pytest.approx(value, rel=1e-5)
 
 
 def test_a_narrow_cone_is_wider_by_the_root_of_its_solid_angle_and_nothing_is_said_beside_the_mirror() -> None:
