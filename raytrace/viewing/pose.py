@@ -62,11 +62,6 @@ class Pose:
         fixed = self.centre + STRAIGHT @ self.pivot
         return (SIDEWAYS @ fixed if self.hand == "right" else fixed) - self.rotation @ self.pivot
 
-    @cached_property
-    def up(self) -> Array:
-        """Which way is up in the coordinates that it leads to, (3,)."""
-        return np.array([0.0, 0.0, 1.0])
-
     @staticmethod
     def identity() -> Pose:
         """The mirror in its own coordinates, as the paper has it: x right, y up, z towards the driver."""
@@ -102,7 +97,3 @@ class _Identity(Pose):
     @cached_property
     def offset(self) -> Array:
         return np.zeros(3)
-
-    @cached_property
-    def up(self) -> Array:
-        return np.array([0.0, 1.0, 0.0])
