@@ -262,7 +262,7 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
 
 @app.command
-def inspect(data: Path, /, *, against: str, align: Literal["none", "321", "best-fit"] = "best-fit",
+def inspect(data: list[Path], /, *, against: str, align: Literal["none", "321", "best-fit"] = "best-fit",
             sigma_mm: float | None = None, gauge_mm: float | None = None, out: Out = None, pdf: Pdf = False,
             json: Json = False) -> int:
     """Lay the measured points of a made mirror on its design: deviation of curvature, slope and height, each with its sigma.
@@ -270,7 +270,8 @@ def inspect(data: Path, /, *, against: str, align: Literal["none", "321", "best-
     Parameters
     ----------
     data
-        Points as CSV, TSV, XYZ or TXT, a mesh, or a CAD file of a surface that was made from points.
+        Points as CSV, TSV, XYZ or TXT, a mesh, or a CAD file of a surface that was made from points; and with or instead of
+        them slopes, curvatures and spherometer readings as tables, in mirror coordinates.
     against
         The design: a preset, a specification, or a STEP file.
     align
@@ -280,7 +281,7 @@ def inspect(data: Path, /, *, against: str, align: Literal["none", "321", "best-
     gauge_mm
         Over which slope and curvature are told; without it 38, a spherometer's.
     """
-    _start_reader([data, Path(against)])
+    _start_reader([*data, Path(against)])
     if pdf:
         from mirror_studio.report.pdf import check_pdf
 
@@ -289,8 +290,8 @@ def inspect(data: Path, /, *, against: str, align: Literal["none", "321", "best-
     from mirror_studio.inspect.run import inspect_file as run
     from mirror_studio.progress import Progress
 
-    asked = Asked(data, against, align, sigma_mm, gauge_mm)
-    content, missed = run(asked, out or Path("exports") / f"{data.stem}-inspection", Progress(), pdf)
+    asked = Asked(tuple(data), against, align, sigma_mm, gauge_mm)
+    content, missed = run(asked, out or Path("exports") / f"{data[0].stem}-inspection", Progress(), pdf)
     return _finish(content, missed, json)
 
 

@@ -152,7 +152,7 @@ def deviation_fields(nominal: Nominal, found: Reconstruction, gauge_mm: float) -
     design = nominal.derivatives(places[:, 0], places[:, 1])
     with np.errstate(invalid="ignore"):  # of what is not known
         before, after = shape_operator_of_sag(design), shape_operator_of_sag(_moved(design, slopes.T))
-        jacobian = _jacobian(design, slopes, after)
+        jacobian = curvature_jacobian(design, slopes, after)
     rms = rms_norm(before, np.ones(len(places)))
     variances = np.einsum("kqi,kij,kqj->kq", jacobian, covariances, jacobian)
     variance_of_slopes = np.linalg.eigvalsh(np.nan_to_num(form_covariances[:, 1:, 1:]))[:, -1]
@@ -175,16 +175,25 @@ def _moved(design: SagDerivatives, change: Array) -> SagDerivatives:
     return SagDerivatives(design.z, *(a + b for a, b in zip(design[1:], change, strict=True)))
 
 
-def _jacobian(design: SagDerivatives, slopes: Array, after: ShapeOperator) -> Array:
+def curvature_jacobian(design: SagDerivatives, slopes: Array, after: ShapeOperator) -> Array:
     """∂(k1, k2, kx, ky, twist)/∂(d_x, …, d_yy), (k, 5, 5), by complex steps.
 
     At an umbilic, where k1 and k2 have no derivative, that of the curvature along some direction.
+
+    Parameters
+    ----------
+    design : SagDerivatives
+        At k places.
+    slopes : ndarray
+        (k, 5), d_x … d_yy there.
+    after : ShapeOperator
+        Of both together.
     """
     result = np.empty((len(slopes), 5, 5))
     angle = 0.5 * np.arctan2(2.0 * after.w12, after.w11 - after.w22)
     c, s = np.cos(angle), np.sin(angle)
     for n in range(5):
-        step = slopes.T.astype(np.complex128)
+        step = slopes.T.astype(np.complex128, copy=True)
         step[n] += 1j * STEP
         w = shape_operator_of_sag(_moved(design, step))  # type: ignore[arg-type]  # the formulas hold for complex numbers too
         d11, d22, d12 = (np.imag(each) / STEP for each in w)

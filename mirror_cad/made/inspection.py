@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +14,7 @@ from mirror_cad.made.fields import DeviationFields, deviation_fields
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.reconstruction import Reconstruction, ReconstructionError, reconstruct
+from mirror_cad.made.spline_fit import Combined, Observations
 from mirror_cad.made.start import find_start
 
 Array = NDArray[np.float64]
@@ -73,7 +74,8 @@ class Inspection:
 
 
 def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align: Align = "best-fit",
-            gauge_mm: float = GAUGE_MM, given: Motion | None = None) -> Inspection:
+            gauge_mm: float = GAUGE_MM, given: Motion | None = None, extra: Observations | None = None,
+            combined: Sequence[Combined] = ()) -> Inspection:
     """Lay measured points on a design and reconstruct the mirror.
 
     Parameters
@@ -90,13 +92,15 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
         The diameter over which curvature is told.
     given : Motion, optional
         From the coordinates of the points to the design's, as files have them; none without it.
+    extra, combined
+        Slopes, curvatures and readings, in mirror coordinates, with their own sigmas.
 
     Raises
     ------
     AlignmentError, ReconstructionError
         For points that cannot be laid on the design, or tell no surface.
     """
-    if len(points) < LEAST_POINTS:
+    if len(points) < LEAST_POINTS and (len(points) or extra is None):
         raise AlignmentError(f"{len(points)} points tell no mirror: at least {LEAST_POINTS} are needed")
     left_out: dict[str, int] = {}
     first = _first_of_equal(points)
@@ -105,7 +109,7 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
     if len(first) < len(points):
         left_out["duplicates"] = len(points) - len(first)
     motion, alignment = given or Motion.identity(), None
-    if align != "none":
+    if align != "none" and len(points):
         alignment = _aligned(nominal, points[first], None if sigmas is None else sigmas[first], motion)
         motion = alignment.motion
     at = motion.of_points(points)
@@ -117,11 +121,16 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
         left_out["beyond the outline"] = int((off & used).sum())
     used &= ~off
     rows = np.flatnonzero(used)
-    found = reconstruct(nominal, at[rows], None if sigmas is None else sigmas[rows], gauge_mm)
+    given_sigmas = None if sigmas is None else sigmas[rows]
+    if given_sigmas is None and len(rows) and (extra is not None or combined):
+        # To be weighed against the others, the points' own scatter is looked at first.
+        given_sigmas = np.full(len(rows), reconstruct(nominal, at[rows], None, gauge_mm).sigma_mm)
+    found = reconstruct(nominal, at[rows], given_sigmas, gauge_mm, extra, combined)
     if not found.kept.all():
         left_out["outliers"] = int((~found.kept).sum())
     used[rows] = found.kept
-    _refuse_two_surfaces(found)
+    if len(rows):
+        _refuse_two_surfaces(found)
     fields = deviation_fields(nominal, found, gauge_mm)
     return Inspection(nominal, motion, alignment, at, used, rows, left_out, found, fields, found.sigma_mm, sigmas is not None)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ PRIOR_FLAT = 0.2  # over the mirror's size, for a plane
 LEAST_POINTS = 6
 UNSTATED_MM = 1e-6  # a sigma to begin with, below all that is measured, so that the prior says nothing
 LEAST_FACTOR = 1e-6  # of residuals that are exactly nought
+HELD_MM, HELD_SLOPE = 1e-4, 1e-7  # sigmas of a mean height and mean slopes that nothing tells and that are set to nought
 NO_PRIOR = 1e9  # 1/mm
 
 
@@ -114,6 +115,8 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     all_x, all_y = (x, y) if extra is None else (np.concatenate([x, extra.x]), np.concatenate([y, extra.y]))
     coverage = Coverage.of(nominal, all_x, all_y, gauge_mm)
     kept = isolated_points(nominal, x, y, along, given)
+    if extra is not None:
+        extra = _without_isolated(nominal, extra)
     observed = Observations.of_heights(x, y, points[:, 2] - z, given * tilt)
 
     def fitted(space: Space, kept: Mask) -> SplineFit:
@@ -121,6 +124,8 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
         return fit_spline(space, part if extra is None else part.joined(extra), combined, prior)
 
     stated = sigmas is not None or extra is not None or bool(combined)
+    if extra is not None and not len(points):
+        combined = (*combined, *_held_motion(nominal, extra))
     chosen: SplineFit | None = None
     best, tried = np.inf, []
     principle = "generalised cross-validation"
@@ -138,7 +143,7 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     assert chosen is not None  # there is a space
     residuals = (observed.values - predicted(chosen, observed)) / tilt
     # A point that was taken for an outlier may be the surface itself.
-    sigma = robust_sigma((residuals / given)[kept])
+    sigma = robust_sigma((residuals / given)[kept]) if kept.any() else 0.0
     floor = NO_OUTLIER * nominal.size_mm
     again = np.abs(residuals) <= np.maximum(BACK * sigma * given, floor)
     again &= ~kept
@@ -156,6 +161,41 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     sigma_mm = factor * float(np.median(given)) if len(given) else float("nan")
     smooth = smoothed(chosen, max(factor, LEAST_FACTOR))
     return Reconstruction(chosen, smooth, factor, sigma_mm, kept, residuals, coverage, principle, tuple(tried))
+
+
+def _held_motion(nominal: Nominal, extra: Observations) -> list[Combined]:
+    """The mean height as nought, where no height was measured, and the mean slopes, where no slope was."""
+    x_min, x_max, y_min, y_max = nominal.box
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(x_min, x_max, 15), np.linspace(y_min, y_max, 15)))
+    kept = nominal.outline.contains(x, y)
+    held = [] if extra.operators[:, 0].any() else [(0, HELD_MM)]
+    if not _slopes_among(extra):
+        held += [(1, HELD_SLOPE), (2, HELD_SLOPE)]
+    found = []
+    for term, sigma in held:
+        operators = np.zeros((int(kept.sum()), 6))
+        operators[:, term] = 1.0 / kept.sum()
+        found.append(Combined(x[kept], y[kept], operators, 0.0, sigma))
+    return found
+
+
+def _slopes_among(extra: Observations) -> bool:
+    """Whether slopes themselves were observed: curvatures depend on them too, but only where the design is steep."""
+    return bool((extra.operators[:, 1:3].any(axis=1) & ~extra.operators[:, 3:].any(axis=1)).any())
+
+
+def _without_isolated(nominal: Nominal, extra: Observations) -> Observations:
+    """The observations without those that disagree with the ones around them; each kind by itself."""
+    weights = extra.weights.copy()
+    kinds = np.argmax(np.abs(extra.operators) > 0.0, axis=1)
+    for kind in np.unique(kinds):
+        rows = np.flatnonzero(kinds == kind)
+        if len(rows) < 2 * LEAST_POINTS:
+            continue
+        relative = extra.values[rows] / extra.sigmas[rows]
+        rest = relative - _cell_medians(extra.x[rows], extra.y[rows], relative)
+        weights[rows[np.abs(rest) > np.maximum(OUTLIER * robust_sigma(rest), 1e-9 * np.abs(relative).max())]] = 0.0
+    return replace(extra, weights=weights)
 
 
 def isolated_points(nominal: Nominal, x: Array, y: Array, along: Array, sigmas: Array) -> Mask:

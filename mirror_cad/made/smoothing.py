@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_triangular
 from scipy.sparse import coo_array, kron
 
 from mirror_cad.made.spline_fit import SplineFit, grams
@@ -47,11 +47,15 @@ def smoothed(fit: SplineFit, sigma_factor: float) -> SplineFit:
     unit = float(np.trace(fit.normal) / rough.trace())
     tried: dict[float, tuple[float, SplineFit]] = {}
 
-    def attempt(decade: float) -> float:
+    def attempt(decade: float) -> None:
         matrix = fit.normal.copy()
         weight = unit * 10.0**decade
         matrix[rough.row, rough.col] += weight * rough.data
-        factor = cho_factor(matrix, lower=True, check_finite=False)
+        try:
+            factor = cho_factor(matrix, lower=True, check_finite=False)
+        except LinAlgError:  # so much roughness that rounding of it outweighs what was measured
+            tried[decade] = np.inf, fit
+            return
         coefficients = cho_solve(factor, fit.vector, check_finite=False)
         coefficients += cho_solve(factor, fit.vector - matrix @ coefficients, check_finite=False)
         off = coefficients - first
@@ -62,8 +66,6 @@ def smoothed(fit: SplineFit, sigma_factor: float) -> SplineFit:
             fit.space, coefficients.reshape(fit.coefficients.shape), chi2, fit.used, matrix, fit.vector, held, factor)
         for other in [each for each in tried if each != _best(tried)]:
             tried[other] = tried[other][0], fit  # one matrix is enough to hold
-        return tried[decade][0]
-
     for decade in (-np.inf, *DECADES):
         attempt(float(decade))
     for step in FINE:
@@ -72,7 +74,7 @@ def smoothed(fit: SplineFit, sigma_factor: float) -> SplineFit:
             if np.isfinite(middle):
                 attempt(middle + side)
     best = _best(tried)
-    if tried[best][1] is fit:
+    if tried[best][1] is fit and np.isfinite(tried[best][0]):
         attempt(best)
     return tried[best][1]
 

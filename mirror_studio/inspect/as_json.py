@@ -48,7 +48,7 @@ def inspection_as_json(name: str, found: Inspection, left_out: dict[str, int], f
         "schema": 1, "name": name,
         "points": {"used": int(found.used.sum()), "left_out": sum(left_out.values()),
                    "left_out_because": {**left_out}, "spacing_mm": reconstruction.coverage.spacing_mm},
-        "sigma_mm": found.sigma_mm, "sigma_from": "stated" if found.sigma_stated else "residuals",
+        "sigma_mm": _finite(found.sigma_mm), "sigma_from": "stated" if found.sigma_stated else "residuals",
         "gauge_mm": found.fields.gauge_mm,
         "alignment": alignment,
         "reconstruction": {"span_mm": reconstruction.fit.space.span_mm, "principle": reconstruction.principle,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.errors import FileError
-from mirror_cad.made.measured_table import LENGTHS, read_measured
+from mirror_cad.made.measured_table import LENGTHS, MeasuredTable, read_measured
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.units import UNITS, likely_unit
 from raytrace.file_kinds import CAD_KINDS, conversion
@@ -44,13 +44,37 @@ class MeasuredPoints:
     notes: tuple[str, ...]
 
 
-def read_points(path: Path, nominal: Nominal) -> MeasuredPoints:
-    """Read a table of points, the vertices of a mesh, or points of a CAD file's face.
+def read_table(path: Path) -> MeasuredTable | None:
+    """Read a table of measured values; None for meshes and CAD files, which hold points alone.
 
     Parameters
     ----------
     path : Path
         Of the file.
+
+    Raises
+    ------
+    FileError
+        For a file that holds no table, or is of a kind that is not read.
+    """
+    kind = path.suffix.lower()
+    if kind in CAD_KINDS or kind == ".stl" or kind in MESH_KINDS:
+        return None
+    if kind not in TEXTS and conversion(kind):
+        raise FileError(f"{path}: measured points are read from {', '.join((*TEXTS, '.stl', *MESH_KINDS, *CAD_KINDS))}"
+                        f"{conversion(kind)}")
+    return read_measured(path)
+
+
+def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal) -> MeasuredPoints:
+    """Read points from a table, from the vertices of a mesh, or from a CAD file's face.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    table : MeasuredTable or None
+        What `read_table` gave for it.
     nominal : Nominal
         The design, whose size and curvature tell a unit that the file does not state.
 
@@ -62,21 +86,15 @@ def read_points(path: Path, nominal: Nominal) -> MeasuredPoints:
     kind = path.suffix.lower()
     if kind in CAD_KINDS:
         return MeasuredPoints(_of_face(path), None, 0, ("points of the file's face on a grid, without a sigma of their own",))
-    if kind == ".stl" or (kind in MESH_KINDS and kind != ".xyz"):
+    if table is None:
         points, unit, sigmas, missing, notes = _of_mesh(path), None, None, 0, ["the vertices of the mesh"]
-    elif kind in TEXTS or not conversion(kind):
-        table = read_measured(path)
-        if "z" not in table.columns:
-            raise FileError(f"{path}: no column z among {', '.join(table.columns)}: points have x, y and z")
+    else:
         points = np.stack([table.columns[key] for key in ("x", "y", "z")], axis=1)
         unit, sigmas, missing = table.length_unit, table.columns.get("sigma"), table.not_numbers
         notes = [f"columns that are not understood: {', '.join(table.ignored)}"] if table.ignored else []
         if sigmas is not None and not (sigmas > 0.0).all():
             row = int(np.argmin(sigmas > 0.0))
             raise FileError(f"{path}: the sigma of point {row + 1} is {sigmas[row]:g}: it must be above 0")
-    else:
-        raise FileError(f"{path}: measured points are read from {', '.join((*TEXTS, '.stl', *MESH_KINDS, *CAD_KINDS))}"
-                        f"{conversion(kind)}")
     if len(points) < 6:
         raise FileError(f"{path}: {len(points)} points tell no mirror: at least 6 are needed")
     likely = likely_unit(nominal, points)

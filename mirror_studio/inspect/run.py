@@ -19,8 +19,9 @@ from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json
 from mirror_studio.inspect.as_json import inspection_as_json, view_as_json
-from mirror_studio.inspect.data import read_points
+from mirror_studio.inspect.data import MeasuredPoints, read_points, read_table
 from mirror_studio.inspect.driver import drivers_view
+from mirror_studio.inspect.others import OtherData, joined, kind_of, other_data
 from mirror_studio.inspect.reference import Reference, load_reference
 from mirror_studio.inspect.sheet import basis, write_sheet
 from mirror_studio.inspect.tables import write_maps, write_residuals
@@ -39,8 +40,8 @@ class Asked:
 
     Attributes
     ----------
-    data : Path
-        The measured file.
+    data : tuple of Path
+        The measured files: one of points, and any of slopes, curvatures and readings.
     against : str
         A preset, a specification or a STEP file.
     align : str
@@ -51,7 +52,7 @@ class Asked:
         Over which curvature is told; GAUGE_MM without it.
     """
 
-    data: Path
+    data: tuple[Path, ...]
     against: str
     align: Align = "best-fit"
     sigma_mm: float | None = None
@@ -87,18 +88,22 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
     _check(asked)
     progress.step(f"{asked.against}: reading the design")
     reference = load_reference(asked.against)
-    progress.step(f"{asked.data.name}: reading")
-    read = read_points(asked.data, reference.nominal)
-    for note in read.notes:
-        progress.step(f"{asked.data.name}: note: {note}")
+    read, others = _read(asked, reference, progress)
+    for note in (*read.notes, *(note for each in others for note in each.notes)):
+        progress.step(f"note: {note}")
     sigmas = read.sigmas if asked.sigma_mm is None else np.full(len(read.points), asked.sigma_mm)
-    progress.step(f"{asked.data.name}: {len(read.points)} points: alignment and surface")
-    found = inspect(reference.nominal, read.points, sigmas, asked.align, asked.gauge_mm or GAUGE_MM, reference.given)
+    progress.step(f"{len(read.points)} points: alignment and surface")
+    extra, readings = joined(others)
+    found = inspect(reference.nominal, read.points, sigmas, asked.align, asked.gauge_mm or GAUGE_MM, reference.given, extra,
+                    readings)
     main, judged = figures(reference.nominal, found.fields), None
     if reference.limit_percent is not None and not found.fields.flat:
         judged = verdict(found.fields, reference.limit_percent)
     left_out = dict(found.left_out) | ({"not numbers": read.not_numbers} if read.not_numbers else {})
-    notes = (*read.notes, *_remarks(found, main))
+    if beside := sum(each.left_out for each in others):
+        left_out["other data beside the mirror"] = beside
+    notes = (*read.notes, *(note for each in others for note in each.notes), *_remarks(found, main))
+    source = ", ".join(str(each) for each in asked.data)
     name = reference.name
     with new_set(out) as folder:
         progress.step(f"{name}: files")
@@ -113,16 +118,38 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
             content["driver"] = view_as_json(view, found.fields.lattice)
         write_json(folder / "inspection.json", content)
         write_maps(folder / f"{name}-maps.csv", found, view)
-        facts = basis(found, str(asked.data), asked.against)
+        facts = basis(found, source, asked.against)
         write_sheet(folder / "report.html", f"{name}: inspection of a made mirror", facts, found, main, judged, view, notes)
         if pdf:
             from mirror_studio.report.pdf import write_pdf
 
             write_pdf(folder / "report.html", folder / "report.pdf")
-        write_json(folder / MANIFEST, {"schema": 1, "measured": str(asked.data), "against": asked.against, "align": asked.align,
+        write_json(folder / MANIFEST, {"schema": 1, "measured": source, "against": asked.against, "align": asked.align,
                                        "versions": versions(), "files": hashes(folder)})
     progress.step(f"done: open {out / 'report.html'}")
     return content, _missed(judged, main)
+
+
+def _read(asked: Asked, reference: Reference, progress: Progress) -> tuple[MeasuredPoints, list[OtherData]]:
+    """The points of the one file that holds some, and what the other files hold."""
+    points: MeasuredPoints | None = None
+    others = []
+    for path in asked.data:
+        progress.step(f"{path.name}: reading")
+        table = read_table(path)
+        if table is not None and (kind := kind_of(table)) != "points":
+            level = kind == "slopes" and asked.align == "best-fit"
+            others.append(other_data(table, reference.nominal, asked.gauge_mm or GAUGE_MM, level))
+        elif points is not None:
+            raise SpecError(f"{path}: a second file of points: inspect one mirror's points at a time, or join the files")
+        else:
+            points = read_points(path, table, reference.nominal)
+    if points is None:
+        if all(each.observations is None for each in others):
+            raise SpecError("readings alone tell curvature where the instrument stood and no surface: give points, slopes or "
+                            "curvatures with them")
+        points = MeasuredPoints(np.zeros((0, 3)), None, 0, ())
+    return points, others
 
 
 def write_measured_step(path: Path, reference: Reference, surface: BSplineSurface) -> None:
@@ -159,12 +186,17 @@ def _check(asked: Asked) -> None:
         raise SpecError(f"--sigma-mm {asked.sigma_mm:g}: must be above 0 and at most {LARGEST_SIGMA_MM:g} mm")
     if asked.gauge_mm is not None and not LEAST_GAUGE_MM <= asked.gauge_mm < np.inf:
         raise SpecError(f"--gauge-mm {asked.gauge_mm:g}: must be {LEAST_GAUGE_MM:g} mm or more")
-    if not asked.data.is_file():
-        raise SpecError(f"{asked.data}: no such file")
+    for path in asked.data:
+        if not path.is_file():
+            raise SpecError(f"{path}: no such file")
 
 
 def _remarks(found: Inspection, main: Figures) -> list[str]:
     remarks = []
+    if not len(found.points):
+        remarks.append("no heights were measured: the mean height of the deviation, and without slopes its mean tilt, are set "
+                       "to "
+                       "nought")
     if found.motion.reflected:
         remarks.append("the points are those of the other hand's mirror: they were reflected in x = 0 before they were laid "
                        "on the "

@@ -139,7 +139,8 @@ def basis(found: Inspection, source: str, against: str) -> list[tuple[str, str]]
     """
     left = "; ".join(f"{why}: {count(number_)}" for why, number_ in found.left_out.items()) or "none"
     reconstruction, alignment = found.reconstruction, found.alignment
-    sigma = (f"{number(1e3 * found.sigma_mm)} µm along the normal, " + (
+    sigma = "no heights were measured" if not len(found.points) else (f"{number(1e3 * found.sigma_mm)} µm along the normal, "
+                                                                      "" + (
         "as stated" + (f", times {number(reconstruction.sigma_factor)} because the residuals are larger"
                        if reconstruction.sigma_factor > 1.05 else "") if found.sigma_stated else
         "from the residuals"))

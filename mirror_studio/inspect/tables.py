@@ -59,7 +59,7 @@ def write_residuals(path: Path, found: Inspection) -> None:
         The mirror.
     """
     rows = found.rows
-    some = slice(None, None, -(-len(rows) // MAX_RESIDUALS))
+    some = slice(None, None, max(1, -(-len(rows) // MAX_RESIDUALS)))
     at, residuals, kept = found.points[rows[some]], found.reconstruction.residuals[some], found.reconstruction.kept[some]
     _write(path, {"x_mm": at[:, 0], "y_mm": at[:, 1], "z_mm": at[:, 2], "residual_mm": residuals,
                   "counts": kept.astype(np.float64)})
