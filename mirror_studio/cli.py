@@ -222,7 +222,8 @@ def photograph(scene: str = "motorway", /, *, out: Out = None, json: Json = Fals
 def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(name="--class")] = None,
           vehicle: str | None = None, leg_mm: float | None = None, transition_mm: float | None = None,
           reflectance_percent: float | None = None, reflectance_night_percent: float | None = None,
-          place: PlaceText = "auto", out: Out = None, pdf: Pdf = False, json: Json = False) -> int:
+          adjust_deg: float | None = None, place: PlaceText = "auto", out: Out = None, pdf: Pdf = False,
+          json: Json = False) -> int:
     """Set what a rule of the road asks of a mirror beside what is measured of it, line by line; the official text decides.
 
     Parameters
@@ -241,6 +242,8 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
         x of the line beyond which, outboard, an aspheric part lies, in mirror coordinates.
     reflectance_percent, reflectance_night_percent
         As measured by the mirror's maker, by day and in the night position.
+    adjust_deg
+        Within which yaw and pitch beside the scene's are looked for that show most of the fields, and their range.
     place
         Where the mirror is in its file, as for `trace`.
     """
@@ -256,7 +259,7 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
     from raytrace.seating import place_from
 
     asked = Asked(mirror, rule, class_, vehicle, leg_mm, place_from(place),
-                  Told(reflectance_percent, reflectance_night_percent, transition_mm))
+                  Told(reflectance_percent, reflectance_night_percent, transition_mm), adjust_deg)
     content, missed = run(asked, out or Path("exports") / f"{Path(mirror).stem}-rules", Progress(), pdf)
     return _finish(content, missed, json)
 

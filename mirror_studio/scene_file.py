@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from mirror_cad.keys import Number, Section
+from mirror_cad.keys import AsTuple, Number, Section
 from mirror_cad.spec.file import names_in, read_toml, validated
 
 DEFAULT = "motorway"
@@ -46,7 +46,10 @@ class EyesSection(Listed):
 
 
 class MirrorSection(Listed):
-    """Where the mirror is: `centre_m` the centre of its surface while it is not turned, `pivot_m` in mirror coordinates."""
+    """Where the mirror is: `centre_m` the centre of its surface while it is not turned, `pivot_m` in mirror coordinates.
+
+    An inside mirror is "left" where it is to the driver's left; it needs both angles.
+    """
 
     hand: Literal["left", "right"] = "left"
     centre_m: tuple[Metres, Metres, Metres] = (-0.54, -1.01, 1.76)
@@ -55,11 +58,14 @@ class MirrorSection(Listed):
     pitch_deg: Annotated[Number, Field(ge=-80, le=80)] | None = None
     bezel_over_m: Annotated[Number, Field(ge=0, le=0.1)] = 0.0
     reflectance: Share = 0.87
+    inside: bool = False
 
     @model_validator(mode="after")
     def _both_angles(self) -> MirrorSection:
         if (self.yaw_deg is None) != (self.pitch_deg is None):
             raise ValueError("yaw_deg and pitch_deg belong together: give both, or neither and [aim]")
+        if self.inside and self.yaw_deg is None:
+            raise ValueError("inside = true needs yaw_deg and pitch_deg: no flank is seen in an inside mirror to aim it by")
         return self
 
 
@@ -70,9 +76,23 @@ class AimSection(Section):
     horizon_share: Share = 0.6
 
 
-class OwnVehicleSection(Section):
+class PieceSection(Listed):
+    """A flat piece of the driver's vehicle: three corners or more, [X, Y, Z] in metres, in order round it."""
+
+    name: Annotated[str, Field(min_length=1, max_length=60)]
+    corners_m: tuple[Annotated[tuple[Metres, Metres, Metres], AsTuple], ...]
+
+    @model_validator(mode="after")
+    def _flat(self) -> PieceSection:
+        if len(self.corners_m) < 3:
+            raise ValueError(f"{self.name!r} has {len(self.corners_m)} corners: a flat piece has three or more")
+        return self
+
+
+class OwnVehicleSection(Listed):
     """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on.
 
+    opaque : pillars and headrests that hide behind them, window : what alone lets rays out of the box; for rules of the road.
     Body "none" has no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is
     true.
     """
@@ -84,6 +104,16 @@ class OwnVehicleSection(Section):
     body: str = "light-truck-flank"
     paint: Colour | None = None
     keep_mirror: bool = False
+    opaque: tuple[PieceSection, ...] = ()
+    window: tuple[PieceSection, ...] = ()
+
+
+class LoadSection(Section):
+    """A load that lowers the driver's vehicle at its front and its rear; for rules of the road."""
+
+    name: Annotated[str, Field(min_length=1, max_length=60)]
+    front_m: Annotated[Number, Field(ge=-1, le=1)]
+    rear_m: Annotated[Number, Field(ge=-1, le=1)]
 
 
 class LineSection(Section):
@@ -187,6 +217,7 @@ class SceneFile(Listed):
     mirror: MirrorSection = MirrorSection()
     aim: AimSection | None = None
     own_vehicle: OwnVehicleSection = OwnVehicleSection()
+    load: tuple[LoadSection, ...] = ()
     road: RoadSection | None = None
     vehicle: tuple[VehicleSection, ...] = ()
     object: tuple[ObjectSection, ...] = ()
@@ -239,6 +270,8 @@ class SceneFile(Listed):
             ("eyes.middle_m, Z", self.eyes.middle_m[2]), ("mirror.centre_m, Z", where[2])) if value <= 0.0]
         if own.front_m >= own.rear_m:
             faults.append(f"own_vehicle.front_m = {own.front_m:g} must lie before rear_m = {own.rear_m:g}: X points rearward")
+        if mirror.inside:
+            return faults
         if side * where[1] <= 0.0:
             faults.append(f"mirror.centre_m has Y = {where[1]:g} m, which is not on the {mirror.hand} (Y points to the right): "
                           "turn its sign, and those of measured.lane_m and line_y_m")

@@ -36,7 +36,7 @@ def case(mirror: str, rule_name: str, class_name: str, scene: str) -> list[str]:
 
 
 def test_gallery_has_its_cases() -> None:
-    assert len(rows()) == 9
+    assert len(rows()) == 10
 
 
 def test_papers_first_mirror_is_as_the_gallery_has_it() -> None:

@@ -24,6 +24,7 @@ FIRST_PANELS = 24  # along the road, of an integral over X; each is halved until
 MAX_ROUNDS = 40  # halvings: a panel of 1 km is then 1 nm long
 AREA_MM2 = 1e-2  # of a panel, that its halves may differ by: 1e-8 m², with a few hundred of them far below what is printed
 SEEN_MM = 1e-6  # a strip no wider than this is not missing: what rays through an edge are known to
+FEW_LINES = 25  # of them where a mirror is turned to and fro
 LINES = 241  # X = const, that polygons are drawn and the least margin is looked for on
 STRAIGHT_BACK = np.array([[1.0, 0.0, 0.0]])  # where a strip of any width ends on the horizon
 OBSTRUCTED_OVER_MM = 100_000.0  # along the road, of a field that ends at the horizon: what a share of it is of
@@ -131,7 +132,7 @@ def missing_ground(left: View, right: View, required: RequiredGround) -> Missing
     to_both = integral(widths(lambda seen: seen.both), required.x) / MM**2
     horizon = None
     if required.endless:
-        horizon = any(bool(edge.image_points(STRAIGHT_BACK, at_infinity=True)[1][0]) for edge in edges)
+        horizon = _seen_at_the_end(*edges)
     near = max(4.0 * required.x[-2 if required.endless else -1], 60.0 * MM) if required.endless else float(required.x[-1])
     x = np.unique(np.concatenate([np.linspace(required.x[0], near, LINES), required.x]))
     x = x[x <= max(near, required.x[-1])]
@@ -142,6 +143,27 @@ def missing_ground(left: View, right: View, required: RequiredGround) -> Missing
     missing = _without(required.between(drawn), on_drawn.either)
     return MissingGround(area, to_both, required.area_m2, horizon, margin / MM, at, outlines(missing, drawn),
                          outlines(on_drawn.either, drawn), required.polygon(near))
+
+
+def field_margin(left: View, right: View, required: RequiredGround) -> float:
+    """Compute the least by which what either eye sees reaches beyond a field in Y, mm, negative where it does not.
+
+    On FEW_LINES lines: what a search turns a mirror by; `missing_ground` looks closer.
+    """
+    edges = edge_of(left), edge_of(right)
+    first, last = float(required.x[0]), float(required.x[-1])
+    x = np.linspace(first, last, FEW_LINES) if not required.endless else first + np.geomspace(
+        1.0, last - first + 1.0, FEW_LINES) - 1.0
+    x = np.unique(np.concatenate([np.clip(x, first, last), required.x]))
+    margin, _ = _least_margin(required.between(x), seen_lines(*edges, x).either, x)
+    if required.endless and margin >= 0.0 and not _seen_at_the_end(*edges):
+        return -SEEN_MM
+    return margin
+
+
+def _seen_at_the_end(*edges: Edge) -> bool:
+    """Whether any of the eyes sees the direction straight back, in which every strip ends on the horizon."""
+    return any(bool(edge.image_points(STRAIGHT_BACK, at_infinity=True)[1][0]) for edge in edges)
 
 
 def hidden_share(left: View, right: View, required: RequiredGround, host: HostVehicle) -> float:

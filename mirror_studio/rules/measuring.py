@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from mirror_cad.errors import SpecError
 from mirror_studio.rules import sizes
-from mirror_studio.rules.ground import MissingGround, RequiredGround, hidden_share, missing_ground
+from mirror_studio.rules.ground import OBSTRUCTED_OVER_MM, MissingGround, RequiredGround, hidden_share, missing_ground
+from mirror_studio.rules.obstruction import Body, obstructed_share
 from mirror_studio.rules.radii import Radii
 from mirror_studio.rules.schema import FieldSection, RuleFile
 from mirror_studio.rules.spherometer import Stands, read_surface, reading_error, readings_where_it_stands, stands_at, turned
@@ -29,6 +30,7 @@ from raytrace.visibility.orientation import orientation
 
 Array = NDArray[np.float64]
 
+BOX_ALONE = Body()
 ARC_SAMPLES = 1025  # of an arc through the centre: the chords between them leave 1e-7 of its length
 GRID = 9  # places a direction over the visible surface
 WITHIN = 0.98  # of the box, from its middle, that these reach
@@ -48,6 +50,7 @@ class Mounted:
     pose: Pose
     eyes: Eyes
     host: HostVehicle
+    body: Body = BOX_ALONE
 
     @property
     def on_drivers_side(self) -> bool:
@@ -327,18 +330,27 @@ class Measured:
             self._fields[asked] = missing_ground(self.views.left, self.views.right, self.required(asked))
         return self._fields[asked]
 
-    def obstructed_percent(self, asked: FieldSection) -> float:
-        """How much of a field the vehicle's box hides."""
-        if asked not in self._hidden:
-            self._hidden[asked] = hidden_share(self.views.left, self.views.right, self.required(asked), self.on_vehicle.host)
-        return 100.0 * self._hidden[asked]
+    def obstructed_percent(self, asked: FieldSection, upright: bool = False) -> float:
+        """How much of a field the vehicle's body hides: exactly where that is a box, else on a grid.
+
+        upright : whether areas are those of the field projected on an upright plane across the road.
+        """
+        there, at = self.on_vehicle, (asked, upright)
+        if at not in self._hidden:
+            ground = self.required(asked)
+            if there.body.plain and not upright:
+                self._hidden[at] = hidden_share(self.views.left, self.views.right, ground, there.host)
+            else:
+                self._hidden[at] = obstructed_share(self.views.left, self.views.right, ground, there.host, there.body, upright,
+                                                    OBSTRUCTED_OVER_MM)
+        return 100.0 * self._hidden[at]
 
     @cached_property
     def _fields(self) -> dict[FieldSection, MissingGround]:
         return {}
 
     @cached_property
-    def _hidden(self) -> dict[FieldSection, float]:
+    def _hidden(self) -> dict[tuple[FieldSection, bool], float]:
         return {}
 
     @property

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
@@ -15,8 +17,10 @@ from mirror_studio.build.pipeline import hashes, stated_placement, versions, wri
 from mirror_studio.drive.mirrors import on_vehicle, reflector_named
 from mirror_studio.progress import Progress
 from mirror_studio.rules.measuring import NOTHING_TOLD, Measured, Mounted, Told
+from mirror_studio.rules.obstruction import FLAT_MM, Body, Piece
 from mirror_studio.rules.of_spec import told_of
 from mirror_studio.rules.schema import RuleFile, load_rule
+from mirror_studio.rules.settings import Load, adjusted, under_load
 from mirror_studio.rules.sheet import Mirror, write_sheet
 from mirror_studio.rules.verdicts import RuleLine, judged
 from mirror_studio.scene_file import SceneFile, load_scene
@@ -30,7 +34,8 @@ LEAST_LEG_MM, LONGEST_LEG_MM = 1.0, 300.0
 class Asked:
     """What one sheet is of: a mirror's name or file, a rule's, a class of it, a scene, the spherometer's feet, and what is
     known of the mirror beside its shape. Without a class the one that the rule's file has first in mind; without a scene no
-    fields."""
+    fields. adjust_deg : within which a setting is looked for that shows most; without it the scene's own counts.
+    """
 
     mirror: str
     rule: str
@@ -39,6 +44,7 @@ class Asked:
     leg_mm: float | None = None
     place: Place = "auto"
     told: Told = NOTHING_TOLD
+    adjust_deg: float | None = None
 
 
 def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -63,15 +69,23 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
         name, measured = measured_mirror(asked, rule, scene)
         stated_placement(name, measured.reflector, progress)
         progress.step(f"{name}: {rule.rule}, {rule.edition}, class {class_name}")
+        adjustment = None
         try:
+            if asked.adjust_deg is not None:
+                measured, adjustment = adjusted(measured, class_name, asked.adjust_deg)
             lines = judged(measured, class_name)
+            loaded = {line.asked.text: [under_load(measured, line.asked.field, load) for load in loads_of(scene)]
+                      for line in lines if line.ground is not None and line.asked.field is not None}
         except TraceError as error:
             raise TraceError(f"{name}: {error}") from None
         content = _content(name, measured, class_name, lines, asked)
+        content["adjustment"] = None if adjustment is None else adjustment.as_json()
+        for each in content["fields"]:
+            each["loads"] = [asdict(load) for load in loaded[each["text"]]]
         write_json(folder / "rules.json", content)
         write_csv(folder / "rules.csv", lines)
         vehicle = None if scene is None else scene.name
-        write_sheet(folder / "rules.html", Mirror(name, class_name, vehicle), measured, lines)
+        write_sheet(folder / "rules.html", Mirror(name, class_name, vehicle), measured, lines, adjustment, loaded)
         if pdf:
             from mirror_studio.report.pdf import write_pdf
 
@@ -94,18 +108,37 @@ def scene_with_eyes(name_or_path: str) -> SceneFile:
 def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tuple[str, Measured]:
     """The mirror's name, and what is measured of it."""
     name, reflector, spec = reflector_named(asked.mirror, asked.place)
-    leg = rule.leg_mm if asked.leg_mm is None else asked.leg_mm
+    own_leg = None if spec is None or spec.rules is None else spec.rules.leg_mm
+    leg = next(each for each in (asked.leg_mm, own_leg, rule.leg_mm) if each is not None)
     measured = Measured(reflector, rule, leg, None, _stated(asked.told, spec))
     measured.outline  # noqa: B018  a face with holes is refused before it is aimed
     if scene is None:
         return name, measured
     try:
         mirror = on_vehicle(name, reflector, scene, spec)
-        on_road = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
+        on_road = replace(measured, reflector=mirror.reflector,
+                          mounted=Mounted(mirror.pose, mirror.eyes, mirror.host, body_of(scene)))
         on_road.views  # noqa: B018  an eye that cannot look into it is refused here
     except TraceError as error:
         raise TraceError(f"{name}: {error}") from None
     return name, on_road
+
+
+def body_of(scene: SceneFile) -> Body:
+    """What of the scene's vehicle hides. Raises: SpecError for a piece that is not flat."""
+    own = scene.own_vehicle
+    opaque, windows = (tuple(Piece(each.name, 1e3 * np.array(each.corners_m)) for each in pieces)
+                       for pieces in (own.opaque, own.window))
+    for piece in (*opaque, *windows):
+        if piece.off_plane_mm > FLAT_MM:
+            raise SpecError(f"scene {scene.name!r}: the corners of {piece.name!r} are {piece.off_plane_mm:.0f} mm off one "
+                            f"plane, at most {FLAT_MM:g}: cut it into flat pieces")
+    return Body(opaque, windows, scene.mirror.inside)
+
+
+def loads_of(scene: SceneFile | None) -> tuple[Load, ...]:
+    """The loads that the scene has its vehicle under, beside how it stands."""
+    return () if scene is None else tuple(Load(each.name, 1e3 * each.front_m, 1e3 * each.rear_m) for each in scene.load)
 
 
 def _stated(told: Told, spec: MirrorSpec | None) -> Told:
@@ -116,10 +149,10 @@ def _stated(told: Told, spec: MirrorSpec | None) -> Told:
 
 def _content(name: str, measured: Measured, class_name: str, lines: Sequence[RuleLine], asked: Asked) -> dict[str, Any]:
     rule = measured.rule
+    leg_checked = rule.leg_checked if measured.leg_mm == rule.leg_mm and asked.leg_mm is None else "stated"
     content: dict[str, Any] = {
         "schema": 1, "mirror": name, "rule": rule.rule, "title": rule.title, "edition": rule.edition, "class": class_name,
-        "wording": rule.wording, "spherometer": {"leg_mm": measured.leg_mm,
-                                                 "checked": rule.leg_checked if asked.leg_mm is None else "stated"},
+        "wording": rule.wording, "spherometer": {"leg_mm": measured.leg_mm, "checked": leg_checked},
         "eyes": {"separation_mm": rule.eyes.separation_mm, "above_r_mm": rule.eyes.above_r_mm, "checked": rule.eyes.checked},
         "vehicle": asked.vehicle, "radii_mm": _readings(measured), "lines": [line.as_json() for line in lines], "fields": []}
     for line in lines:

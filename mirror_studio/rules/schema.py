@@ -106,6 +106,7 @@ class LineSection(Section):
 
     beyond : what a value outside the limit is: missed, or open, where the wording does not say what then.
     side : whether it is asked on the driver's side alone, or on the other.
+    projected : whether shares of a field are those of its projection on an upright plane across the road.
     """
 
     paragraph: Words
@@ -120,6 +121,7 @@ class LineSection(Section):
     when: WhenSection | None = None
     side: Literal["driver", "passenger"] | None = None
     beyond: Literal["missed", "open"] = "missed"
+    projected: bool = False
     measured: Words
     checked: Checked
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from mirror_studio.report.text import fixed, templates
 from mirror_studio.rules.ground import MissingGround
 from mirror_studio.rules.measuring import Measured
+from mirror_studio.rules.settings import Adjustment, LoadedField
 from mirror_studio.rules.verdicts import RuleLine
 
 Array = NDArray[np.float64]
 
 CHECKED = {"read": "read", "said": "second hand: check the official text", "memory": "from memory: check the official text"}
 DECIMALS = {"mm": 2, "m": 3, "m²": 3, "mm²": 0, "%": 2, "°": 1, "1": 3}
+NO_LOADS: Mapping[str, Sequence[LoadedField]] = {}
 WIDTH_PX, BORDER_M = 1000.0, 1.0
 
 
@@ -47,7 +49,8 @@ class Row:
     notes: tuple[str, ...]
 
 
-def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[RuleLine]) -> None:
+def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[RuleLine], adjustment: Adjustment | None = None,
+                loaded: Mapping[str, Sequence[LoadedField]] = NO_LOADS) -> None:
     """Write the page; it embeds all it shows."""
     rule = measured.rule
     fields = [(line.asked.text, plan(line.ground)) for line in lines if line.ground is not None]
@@ -57,11 +60,24 @@ def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[
              ("Eyes", f"{rule.eyes.separation_mm:g} mm apart ({CHECKED[rule.eyes.checked]}), where the scene "
                       f"{mirror.vehicle!r} has them; the rule: {rule.eyes.above_r_mm:g} mm above R" if mirror.vehicle else
               "no vehicle was given, so no field is measured"),
-             ("Not looked at", "pillars and windows before the mirror, adjustment range, load states, edges, mounts and marks")]
+             *([] if adjustment is None else [("Adjustment", adjustment.words)]),
+             *([("Loads", "; ".join(f"{each.words} ({text})" if len(loaded) > 1 else each.words
+                                    for text, of in loaded.items() for each in of))] if any(loaded.values()) else []),
+             ("Not looked at", f"{_not_looked_at(measured, adjustment, loaded)}edges, mounts and marks")]
     page = templates().get_template("rules.html.j2").render(
         title=f"{mirror.name}: {rule.rule}, class {mirror.class_name}", facts=facts, rows=[row_of(line) for line in lines],
         fields=fields)
     path.write_text(page, encoding="utf-8")
+
+
+def _not_looked_at(measured: Measured, adjustment: Adjustment | None, loaded: Mapping[str, Sequence[LoadedField]]) -> str:
+    """What the scene could have had, and has not."""
+    if measured.mounted is None:
+        return ""
+    left = [("pillars and windows", bool(measured.mounted.body.opaque or measured.mounted.body.windows)),
+            ("other settings of the mirror (--adjust-deg)", adjustment is not None),
+            ("loads ([[load]] of the scene)", any(loaded.values()))]
+    return "".join(f"{what}, " for what, there in left if not there)
 
 
 def row_of(line: RuleLine) -> Row:

@@ -94,7 +94,8 @@ TAKE: Mapping[str, Take] = {
     "mirror_angle_deg": lambda m, _: m.angle_deg,
     "mirror_height_m": lambda m, _: m.height_m,
     "field_missing_m2": _missing,
-    "field_obstructed_percent": lambda m, line: None if line.field is None else m.obstructed_percent(line.field),
+    "field_obstructed_percent": lambda m, line: None if line.field is None else m.obstructed_percent(
+        line.field, line.projected),
     "field_angle_deg": lambda m, _: m.horizon_deg,
 }
 
@@ -104,8 +105,12 @@ def judged(m: Measured, class_name: str, only: Collection[str] | None = None) ->
 
     only : the quantities whose lines are wanted; all of them without it.
     """
-    return [_judged(m, line) for line in m.rule.lines_of(class_name)
-            if (only is None or line.quantity in only) and _applies(m, line)]
+    return [_judged(m, line) for line in applying(m, class_name, only)]
+
+
+def applying(m: Measured, class_name: str, only: Collection[str] | None = None) -> list[LineSection]:
+    """The lines of a class that ask something of this mirror."""
+    return [line for line in m.rule.lines_of(class_name) if (only is None or line.quantity in only) and _applies(m, line)]
 
 
 def _applies(m: Measured, line: LineSection) -> bool:
@@ -113,18 +118,18 @@ def _applies(m: Measured, line: LineSection) -> bool:
         return False
     if line.when is None or (line.when.quantity in ON_VEHICLE and m.mounted is None):
         return True
-    value = TAKE[line.when.quantity](_part(m, line.when.quantity), line)
+    value = TAKE[line.when.quantity](part_of(m, line.when.quantity), line)
     return value is not None and (line.when.least <= value < line.when.below or value == math.inf == line.when.below)
 
 
-def _part(m: Measured, quantity: str) -> Measured:
+def part_of(m: Measured, quantity: str) -> Measured:
     """What of the mirror a quantity is taken of."""
     alone = quantity in OF_MAIN_PART or (quantity.startswith("field_") and m.rule.main_part_alone)
     return m.main if alone else m
 
 
 def _judged(whole: Measured, line: LineSection) -> RuleLine:
-    m = _part(whole, line.quantity)
+    m = part_of(whole, line.quantity)
     limit = _limit(whole, line)
     if line.quantity in ON_VEHICLE and m.mounted is None:
         return RuleLine(line, None, limit, None, "open", (NO_VEHICLE,))

@@ -84,6 +84,49 @@ class Pose:
         return directions @ self.rotation
 
 
+@dataclass(frozen=True, eq=False)
+class TiltedPose(Pose):
+    """A mirror on a vehicle whose body a load has tilted about Y and lowered, seen from the road.
+
+        X' = X cos t + Z sin t,   Z' = Z cos t − X sin t − s
+
+    Parameters
+    ----------
+    tilt : t, radians; a positive one lowers the rear.
+    sink : s, mm, by which X = 0 is lower.
+    """
+
+    tilt: float = 0.0
+    sink: float = 0.0
+
+    @staticmethod
+    def of(pose: Pose, tilt: float, sink: float) -> TiltedPose:
+        """A pose on the body as it stands without a load, tilted with it."""
+        return TiltedPose(pose.centre, pose.pivot, pose.yaw, pose.pitch, pose.hand, tilt, sink)
+
+    @cached_property
+    def _turn(self) -> Array:
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+    def tilted(self, points: Array) -> Array:
+        """Points (…, 3), mm, of the body without a load, where they are with it."""
+        result: Array = points @ self._turn.T - [0.0, 0.0, self.sink]
+        return result
+
+    @cached_property
+    def rotation(self) -> Array:
+        """As of a pose, to the coordinates of the road."""
+        base = Pose(self.centre, self.pivot, self.yaw, self.pitch, self.hand)
+        result: Array = self._turn @ base.rotation
+        return result
+
+    @cached_property
+    def offset(self) -> Array:
+        """As of a pose."""
+        return self.tilted(Pose(self.centre, self.pivot, self.yaw, self.pitch, self.hand).offset)
+
+
 class _Identity(Pose):
     """Mirror coordinates as they are."""
 
