@@ -167,7 +167,7 @@ def test_inside_mirror_looks_out_of_its_windows() -> None:
     from mirror_studio.drive.mirrors import on_vehicle
 
     mirror = on_vehicle("inside", plane(230.0, 60.0), scene)
-    asked = [each.field for each in measured(plane()).rule.lines_of("I") if each.quantity == "field_obstructed_percent"][0]
+    asked = line(judged(measured(plane()), "I"), "field_obstructed_percent").asked.field
     assert asked is not None
     at = replace(measured(plane(230.0, 60.0)), mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
     ground = at.required(asked)

@@ -56,20 +56,22 @@ class Adjustment:
     @property
     def words(self) -> str:
         """For the sheet."""
-        at = f"{self.yaw_deg:+.2f}° of yaw and {self.pitch_deg:+.2f}° of pitch from the scene's, where the least margin is " \
-             f"{self.margin_m:+.3f} m; the lines are those of this setting"
+        at = (f"{self.yaw_deg:+.2f}° of yaw and {self.pitch_deg:+.2f}° of pitch from the scene's, where the least margin is "
+              f"{self.margin_m:+.3f} m; the lines are those of this setting")
         if self.yaw_range_deg is None or self.pitch_range_deg is None:
-            return f"within ±{self.within_deg:g}° no setting shows all; the one that misses least is {at}"
-        (a, b), (c, d) = self.yaw_range_deg, self.pitch_range_deg
-        return f"within ±{self.within_deg:g}° all is seen from {a:+.2f} to {b:+.2f}° of yaw and from {c:+.2f} to {d:+.2f}° of " \
-               f"pitch; in the middle, {at}"
+            said = f"within ±{self.within_deg:g}° no setting shows all; the one that misses least is {at}"
+        else:
+            (a, b), (c, d) = self.yaw_range_deg, self.pitch_range_deg
+            said = (f"within ±{self.within_deg:g}° all is seen from {a:+.2f} to {b:+.2f}° of yaw and from {c:+.2f} to "
+                    f"{d:+.2f}° of pitch; in the middle, {at}")
+        return said.replace("-", "−")
 
 
 def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured, Adjustment]:
     """Turn a mirror to the middle of the settings at which it shows all fields of a class.
 
-    One such setting is looked for on a grid about the scene's own, and then in ever smaller steps; from there yaw and pitch go to
-    the middle of their ranges in turn. Where there is none, it is the one that misses least.
+    One such setting is looked for on a grid about the scene's own, and then in ever smaller steps; from there yaw and pitch go
+    to the middle of their ranges in turn. Where there is none, it is the one that misses least.
 
     Parameters
     ----------
@@ -184,7 +186,8 @@ class LoadedField:
     def words(self) -> str:
         """For a note."""
         far = "" if self.seen_to_the_horizon is not False else ", its end on the horizon is not seen"
-        return f"{self.load}: {self.missing_m2:.3g} m² missing{far}, least margin {self.least_margin_m:+.3f} m"
+        said = f"{self.load}: {self.missing_m2:.2f} m² missing{far}, least margin {self.least_margin_m:+.3f} m"
+        return said.replace("-", "−")
 
 
 def lowered(there: Mounted, load: Load) -> Mounted:

@@ -15,6 +15,7 @@ from mirror_studio.rules.ground import MissingGround
 from mirror_studio.rules.measuring import Measured
 from mirror_studio.rules.settings import Adjustment, LoadedField
 from mirror_studio.rules.verdicts import RuleLine
+from raytrace.viewing.vehicle import HostVehicle
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,7 @@ CHECKED = {"read": "read", "said": "second hand: check the official text", "memo
 DECIMALS = {"mm": 2, "m": 3, "m²": 3, "mm²": 0, "%": 2, "°": 1, "1": 3}
 NO_LOADS: Mapping[str, Sequence[LoadedField]] = {}
 WIDTH_PX, BORDER_M = 1000.0, 1.0
+LEFT_PX, BELOW_PX, X_TICKS = 60.0, 36.0, 9  # for the scales
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,8 @@ def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[
                 loaded: Mapping[str, Sequence[LoadedField]] = NO_LOADS) -> None:
     """Write the page; it embeds all it shows."""
     rule = measured.rule
-    fields = [(line.asked.text, plan(line.ground)) for line in lines if line.ground is not None]
+    fields = [(line.asked.text, plan(line.ground, None if measured.mounted is None else measured.mounted.host))
+              for line in lines if line.ground is not None]
     facts = [("Rule", f"{rule.title}, {rule.edition}"), ("Class", mirror.class_name),
              ("Wording", rule.wording),
              ("Spherometer", f"outer feet {measured.leg_mm:g} mm apart, on the surface itself"),
@@ -109,21 +112,60 @@ def _fine(line: RuleLine, decimals: int) -> int:
     return max(decimals, min(9, 1 - int(np.floor(np.log10(abs(line.margin or 1.0))))))
 
 
-def plan(found: MissingGround) -> Markup:
-    """The ground in plan as SVG: what is asked for, what is seen of it, and what is missing. X to the right, Y downwards."""
+def plan(found: MissingGround, host: HostVehicle | None = None) -> Markup:
+    """The ground in plan as SVG: what is asked for, what is seen of it, and what is missing. X to the right, Y downwards.
+
+    With a scale in metres along the field and across it, and the vehicle's outline where that lies in the drawing.
+    """
     low, high = found.required.min(axis=0) / 1e3 - BORDER_M, found.required.max(axis=0) / 1e3 + BORDER_M
-    scale = WIDTH_PX / (high[0] - low[0])
+    if host is not None:  # the flank that the field begins at
+        low[1], high[1] = min(low[1], -host.half_width_mm / 1e3 - BORDER_M), max(high[1], host.half_width_mm / 1e3 + BORDER_M)
+    scale = (WIDTH_PX - LEFT_PX) / (high[0] - low[0])
     height = scale * (high[1] - low[1])
 
-    def shape(polygon: Array, style: str) -> str:
+    def at(points: Array) -> Array:
         # Seen ground goes far beyond the drawing, whose frame cuts it.
-        points = (np.clip(polygon / 1e3, low - 10.0, high + 10.0) - low) * scale
-        return f'<polygon points="{" ".join(f"{x:.2f},{y:.2f}" for x, y in points)}" style="{style}"/>'
+        result: Array = (np.clip(points / 1e3, low - 10.0, high + 10.0) - low) * scale + [LEFT_PX, 0.0]
+        return result
+
+    def shape(polygon: Array, style: str) -> str:
+        return f'<polygon points="{" ".join(f"{x:.2f},{y:.2f}" for x, y in at(polygon))}" style="{style}"/>'
 
     shapes = [*(shape(polygon, "fill:#bcd7c4") for polygon in found.seen),
               *(shape(polygon, "fill:#c43d3d") for polygon in found.missing),
               shape(found.required, "fill:none;stroke:#1d2329;stroke-width:2")]
-    middle = -low[1] * scale
-    axis = f'<line x1="0" y1="{middle:.2f}" x2="{WIDTH_PX:g}" y2="{middle:.2f}" style="stroke:#9aa5ae;stroke-dasharray:6 6"/>'
-    return Markup(f'<svg viewBox="0 0 {WIDTH_PX:g} {height:.1f}" role="img" aria-label="Required ground in plan">'
-                  + "".join(shapes) + axis + "</svg>")
+    if host is not None:
+        x, y = (host.front_mm, host.rear_mm), (-host.half_width_mm, host.half_width_mm)
+        box = np.array([[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]])
+        shapes.insert(0, shape(box, "fill:#e6e9ec;stroke:#9aa5ae"))
+    middle = float(at(np.zeros((1, 2)))[0, 1])
+    axis = (f'<line x1="{LEFT_PX:g}" y1="{middle:.2f}" x2="{WIDTH_PX:g}" y2="{middle:.2f}" '
+            'style="stroke:#9aa5ae;stroke-dasharray:6 6"/>')
+    text = 'style="font:22px sans-serif;fill:#5a6573"'
+    ticks = []
+    for value in _ticks(low[0], high[0], X_TICKS):
+        x_px = float(at(np.array([[1e3 * value, 0.0]]))[0, 0])
+        ticks.append(f'<line x1="{x_px:.2f}" y1="{height:.2f}" x2="{x_px:.2f}" y2="{height + 7.0:.2f}" style="stroke:#5a6573"/>'
+                     f'<text x="{x_px:.2f}" y="{height + 28.0:.2f}" text-anchor="middle" {text}>{_number(value)}</text>')
+    for value in _ticks(low[1], high[1], max(2, int(height / 60.0))):
+        y_px = float(at(np.array([[0.0, 1e3 * value]]))[0, 1])
+        ticks.append(f'<line x1="{LEFT_PX - 7.0:.2f}" y1="{y_px:.2f}" x2="{LEFT_PX:.2f}" y2="{y_px:.2f}" '
+                     'style="stroke:#5a6573"/>'
+                     f'<text x="{LEFT_PX - 11.0:.2f}" y="{y_px + 8.0:.2f}" text-anchor="end" {text}>{_number(value)}</text>')
+    frame = (f'<clipPath id="frame"><rect x="{LEFT_PX:g}" y="0" width="{WIDTH_PX - LEFT_PX:g}" height="{height:.1f}"/>'
+             '</clipPath>')
+    return Markup(f'<svg viewBox="0 0 {WIDTH_PX:g} {height + BELOW_PX:.1f}" role="img" aria-label="Required ground in plan">'
+                  f'{frame}<g clip-path="url(#frame)">' + "".join(shapes) + axis + "</g>" + "".join(ticks) + "</svg>")
+
+
+def _ticks(low: float, high: float, parts: int) -> Array:
+    """Round values between two ends, some `parts` of them."""
+    raw = (high - low) / max(parts, 1)
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = power * next(m for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw)
+    result: Array = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
+    return result
+
+
+def _number(value: float) -> str:
+    return f"{value:.10g}".replace("-", "−")

@@ -201,8 +201,8 @@ def _notes(m: Measured, line: LineSection, value: float) -> list[str]:
         if found.horizon is not None:
             notes.append("seen to the horizon" if found.horizon else
                          "what is missing has no end: its end on the horizon is not seen; the value is that up to 1 km")
-        notes.append(f"least margin {found.margin_m:+.3f} m at X = {found.at_m[0]:.2f}, Y = {found.at_m[1]:.2f} m; both eyes "
-                     f"miss {found.missing_to_both_m2:.3g} m² of {found.required_m2:.4g} m²")
+        notes.append((f"least margin {found.margin_m:+.3f} m at X = {found.at_m[0]:.2f}, Y = {found.at_m[1]:.2f} m; not seen "
+                      f"by both eyes at once: {found.missing_to_both_m2:.2f} of {found.required_m2:.1f} m²").replace("-", "−"))
     return notes
 
 
