@@ -386,6 +386,8 @@ def index_of_largest(size: Array, grid: Grid) -> int:
     ----------
     size
         (n,) at the points of the grid, not negative.
+    grid
+        Whose y decides between equals.
     """
     ties = np.flatnonzero(size >= size.max() * (1.0 - SAME_SIZE))
     return int(ties[np.argmax(grid.y[ties])])

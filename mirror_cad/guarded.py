@@ -108,6 +108,10 @@ class GuardedProcess:
 
         Parameters
         ----------
+        function
+            Its module and name.
+        *arguments
+            What it is called with.
         seconds
             How long the child may go without an answer or a sign of progress (`guarded_child.report`) before it is ended.
         longest_seconds

@@ -30,10 +30,9 @@ def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done:
     done : called with the number of rays that are done, from the caller's thread. What it or a run raises is raised here,
     after the runs that have begun: those that have not are dropped.
     """
-    inside = threading.current_thread().name.startswith(PREFIX)
     size = run_size(n, run)
     starts = range(0, n, size)
-    if len(starts) <= 1 or inside or THREADS == 1:
+    if len(starts) <= 1 or THREADS == 1 or threading.current_thread().name.startswith(PREFIX):
         for start in starts:
             work(start, min(start + size, n))
             if done is not None:

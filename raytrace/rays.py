@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import TraceError
-from raytrace.kernels import newton
+from raytrace.kernels.blocks import Results, unit_directions
 from raytrace.parallel import parallel_for
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ class Rays:
     def units(self) -> tuple[Array, Array, Mask]:
         """Origins (n, 3), unit directions, and which rays are usable; the others get an origin and a direction that are."""
         units, valid = np.empty_like(self.directions), np.empty(len(self), dtype=np.bool_)
-        parallel_for(lambda i, j: newton.unit_directions(self.directions[i:j], units[i:j], valid[i:j]), len(self))
+        parallel_for(lambda i, j: unit_directions(self.directions[i:j], units[i:j], valid[i:j]), len(self))
         finite: Mask = np.asarray(np.isfinite(self.origins).all(axis=1))
         valid &= finite
         return np.broadcast_to(np.where(finite[:, None], self.origins, 0.0), units.shape), units, valid
@@ -117,6 +117,11 @@ class Trace:
     def empty(n: int) -> Trace:
         """Arrays for n rays, to be given to `reflect` as `out`."""
         return Trace(np.empty(n, dtype=np.int8), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n))
+
+    @property
+    def flat(self) -> Results:
+        """The same arrays as the kernels take them."""
+        return Results(self.status, self.points.ravel(), self.normals.ravel(), self.directions.ravel(), self.distances)
 
     def counts(self) -> dict[str, int]:
         """How many rays have each status, by name; statuses that none has are left out."""

@@ -15,7 +15,7 @@ from raytrace import parallel
 from raytrace.image import photograph
 from raytrace.rays import Trace
 from raytrace.scene.reference import BACKGROUND, Picture, ReferencePlane, load_picture
-from raytrace.surfaces.polynomials import HeightField
+from raytrace.surfaces.polynomials import height_field_of
 from raytrace.viewing.camera import Frame
 from tests.conftest import constant, designed, spec_of
 
@@ -128,14 +128,15 @@ def test_every_pixel_is_looked_through_once_in_its_own_place(rows: int, columns:
 @pytest.mark.parametrize("name", ["progressive-c", "sphere-950"])
 def test_polynomials_of_a_height_field_are_the_surface(name: str) -> None:
     surface = designed(name).surface
-    field = HeightField.of(surface)
+    field = height_field_of(surface)
     assert field is not None
+    sheet = field.cells
     rng = np.random.default_rng(3)
     x, y = (rng.uniform(low, high, 500) for low, high in (surface.domain[:2], surface.domain[2:]))
-    i, j = (np.searchsorted(ends[:-1], at, side="right") - 1 for ends, at in ((field.ends_x, x), (field.ends_y, y)))
-    n = field.powers
-    cells = field.coefficients.reshape(len(field.middle_x), len(field.middle_y), n, n)[i, j]
-    a, b = (x - field.middle_x[i])[:, None] ** np.arange(n)[::-1], (y - field.middle_y[j])[:, None] ** np.arange(n)[::-1]
+    i, j = (np.searchsorted(ends[:-1], at, side="right") - 1 for ends, at in ((sheet.ends_u, x), (sheet.ends_v, y)))
+    n = sheet.powers
+    cells = sheet.coefficients.reshape(len(sheet.middle_u), len(sheet.middle_v), n, n)[i, j]
+    a, b = (x - sheet.middle_u[i])[:, None] ** np.arange(n)[::-1], (y - sheet.middle_v[j])[:, None] ** np.arange(n)[::-1]
     z = np.einsum("na,nab,nb->n", a, cells, b)
     # Rounding of coordinates of some 100 mm.
     np.testing.assert_allclose(z, surface.evaluate(x, y)[:, 2], rtol=0, atol=1e-13)

@@ -14,7 +14,6 @@ from mirror_cad.surfaces.quadric import Quadric
 from raytrace.rays import Status, Trace
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.faces import FaceSet
-from raytrace.surfaces.polynomials import Patches
 from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.eye import eye_position
 from tests.conftest import constant, designed, spec_of
@@ -51,9 +50,7 @@ def as_parametric(mirror: mirror_cad.Mirror) -> raytrace.Reflector:
 def searched(reflector: raytrace.Reflector) -> raytrace.Reflector:
     """The same without the way that needs no search."""
     for surface in reflector.surface.bounding_faces:
-        patches = surface.patches
-        surface.__dict__["patches"] = Patches(*(getattr(patches, name) if name != "sheet" else None
-                                                for name in Patches.__slots__))
+        surface.__dict__["patches"] = surface.patches._replace(sheet=np.empty(0))
     return reflector
 
 

@@ -117,8 +117,12 @@ def over_t(radius: Function, span: Span, breaks: dict[float, int], description: 
     ----------
     radius : callable
         t (n,) -> R (n,), finite and of one sign.
+    span : Span
+        Where t is 0 and 1.
     breaks : dict
         How many derivatives are continuous at t, by t.
+    description : str
+        The law in words.
     """
     at = sorted((Break(span.x(t), smoothness) for t, smoothness in breaks.items()), key=lambda b: b.x_mm)
     return CurvatureLaw(lambda x: 1.0 / radius(span.t(x)), tuple(at), description)

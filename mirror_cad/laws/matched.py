@@ -109,6 +109,8 @@ def with_solved(law: Law, matched: tuple[str, float] | None) -> Law:
 
     Parameters
     ----------
+    law : Law
+        With "match" or without.
     matched : tuple or None
         The key and its value, as `solve_match` returns them.
     """

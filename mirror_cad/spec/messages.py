@@ -35,7 +35,9 @@ def faults(error: ValidationError | OverflowError, raw: Mapping[str, object], ro
     ----------
     error : ValidationError or OverflowError
     raw : Mapping
-        What was validated, by `root`.
+        What was validated.
+    root : type
+        The model that it was validated by.
     source : str
         What the sentences begin with: a file's name.
     """
@@ -65,7 +67,9 @@ def sentence(detail: ErrorDetails, raw: Mapping[str, object], root: type[BaseMod
     detail : ErrorDetails
         One of `ValidationError.errors()`.
     raw : Mapping
-        What was validated, by `root`.
+        What was validated.
+    root : type
+        The model that it was validated by.
     """
     return "".join("\ufffd" if unicodedata.category(letter) in _UNSEEN else letter
                    for letter in _sentence(detail, dict(raw), root))

@@ -170,13 +170,21 @@ class Shown:
 
 def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, users_mirror: Reflector | None = None,
          progress: Callable[[float], None] | None = None) -> Shown:
-    """Design, look and measure. `fine`: with every edge smoothed and the deviations from the laws, which takes longer.
+    """Design a mirror, look into it and measure.
 
     Parameters
     ----------
+    spec
+        The mirror.
+    look
+        From where and at what the driver looks, and how large the picture is.
+    fine
+        With every edge smoothed and the deviations from the laws, which takes longer.
     users_mirror
         Another reflector in mirror coordinates, shown beside the design at equal aim: the ray to the middle of its box is
         reflected where the design sends that to its middle.
+    progress
+        Called with the share of a picture that is done.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The compiled rays of one eye into one sheet z(x, y), one ray at a time: image points, and roots along the sheet's rim.
 
 What takes many steps on few rays is done in one call, where a call a step would cost more than its rays. The rays meet the
-sheet as those of newton.py do. Everything compiled stands in this file, for numba's cache does not notice changes in another.
+sheet as those of height_field.py do.
 """
 
 from __future__ import annotations
@@ -9,18 +9,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from raytrace.kernels import newton
+from raytrace.kernels.blocks import clamp
+from raytrace.kernels.cells import span
+from raytrace.kernels.compiled import compiled
+from raytrace.kernels.height_field import SHALLOWEST
+from raytrace.kernels.height_field_search import MAX_STEPS as MAX_SAFE_STEPS
+from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, INVALID, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
+from raytrace.kernels.trimming import odd_to_the_right
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Numbers of another file as those of this one, so that the cache's key is in this file (newton.py says what they mean).
-HIT, OUTSIDE, BEHIND, LOST, INVALID = newton.HIT, newton.OUTSIDE, newton.BEHIND, newton.LOST, newton.INVALID
-RESIDUAL, ACCEPTED, NEAREST_MM, SHALLOWEST = newton.RESIDUAL, newton.ACCEPTED, newton.NEAREST_MM, newton.SHALLOWEST
-MAX_STEPS, MAX_SAFE_STEPS = newton.MAX_STEPS, newton.MAX_SAFE_STEPS
 # What is known of a place of the sheet and of the ray that meets it there.
 Z, Z_X, Z_Y, HALF_XX, XY, HALF_YY, AT_X, AT_Y, T, X, Y, HEIGHT = range(12)
 # Radians: a ray that passes its target by less is so near that Newton goes on along the sheet itself.
@@ -66,23 +67,8 @@ class Rim(NamedTuple):
     pieces: Index
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _clamp(x, low, high):  # type: ignore[no-untyped-def]
-    return min(max(x, low), high)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _span(value, ends, lookup):  # type: ignore[no-untyped-def]
-    """Index of the span that holds a value between ends[0] and ends[-2]; the last span holds its end too."""
-    bins = lookup.size / (ends[-2] - ends[0])
-    k = lookup[max(min(int((value - ends[0]) * bins), lookup.size - 1), 0)]  # from below too: of a NaN
-    while value >= ends[k + 1] and k < ends.size - 3:
-        k += 1
-    return k
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _cell(powers, flat, k, a, b, q):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, inline="always")
+def _cell(powers, flat, k, a, b, q):
     """z, z_x, z_y, z_xx/2, z_xy, z_yy/2 at (a, b) from the middle of the cell whose coefficients begin at k, into q."""
     z = z_a = z_b = z_aa = z_ab = z_bb = 0.0
     for r in range(powers):
@@ -100,14 +86,14 @@ def _cell(powers, flat, k, a, b, q):  # type: ignore[no-untyped-def]
     q[Z], q[Z_X], q[Z_Y], q[HALF_XX], q[XY], q[HALF_YY] = z, z_a, z_b, z_aa, z_ab, z_bb
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _taylor(s, x, y, q):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _taylor(s, x, y, q):
     """z, z_x, z_y, z_xx/2, z_xy, z_yy/2 at the place of the sheet nearest to (x, y), then that place, into q.
 
     Loops over a number of powers that is written down unroll: those of degrees 3, 5 and 7 are.
     """
-    x, y = _clamp(x, s.ends_x[0], s.ends_x[-2]), _clamp(y, s.ends_y[0], s.ends_y[-2])
-    i, j = _span(x, s.ends_x, s.lookup_x), _span(y, s.ends_y, s.lookup_y)
+    x, y = clamp(x, s.ends_x[0], s.ends_x[-2]), clamp(y, s.ends_y[0], s.ends_y[-2])
+    i, j = span(x, s.ends_x, s.lookup_x), span(y, s.ends_y, s.lookup_y)
     a, b = x - s.middle_x[i], y - s.middle_y[j]
     k = np.int64(np.uint32((i * (s.ends_y.size - 2) + j) * s.powers * s.powers))
     if s.powers == 6:
@@ -121,28 +107,23 @@ def _taylor(s, x, y, q):  # type: ignore[no-untyped-def]
     q[AT_X], q[AT_Y] = x, y
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _inside(s, u, v):  # type: ignore[no-untyped-def]
+@compiled(_nrt=False)
+def _inside(s, u, v):
     """Even-odd rule on the trimming polygon; its edges are sorted into strips of v."""
     strip = int((v - s.low) * s.inverse_height)
     if strip < 0 or strip >= s.first.size - 1 or v < s.low:
         return False
-    inside = False
-    for k in range(s.first[strip], s.first[strip + 1]):
-        u0, v0, u1, v1 = s.edges[k, 0], s.edges[k, 1], s.edges[k, 2], s.edges[k, 3]
-        if (v0 <= v) != (v1 <= v) and u < u0 + (v - v0) * (u1 - u0) / (v1 - v0):
-            inside = not inside
-    return inside
+    return odd_to_the_right(s.edges, s.first[strip], s.first[strip + 1], u, v)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _once(s, dx, dy, dz):  # type: ignore[no-untyped-def]
+@compiled(_nrt=False)
+def _once(s, dx, dy, dz):
     """Whether a ray comes down steeply enough to meet the sheet only once."""
     return dz <= -SHALLOWEST and dz * dz > s.steepest * (dx * dx + dy * dy)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _first_hit(s, ox, oy, oz, dx, dy, dz, start, q):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _first_hit(s, ox, oy, oz, dx, dy, dz, start, q):
     """What a ray, from where and in what unit direction, meets first: its status, and where it does in q.
 
     start : the distance at which Newton begins where the ray can meet the sheet only once.
@@ -172,9 +153,9 @@ def _first_hit(s, ox, oy, oz, dx, dy, dz, start, q):  # type: ignore[no-untyped-
     return _search(s, ox, oy, oz, dx, dy, dz, q)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _search(s, ox, oy, oz, dx, dy, dz, q):  # type: ignore[no-untyped-def]
-    """`height_field_first_hits` of newton.py for one ray."""
+@compiled(fastmath={"contract"}, _nrt=False)
+def _search(s, ox, oy, oz, dx, dy, dz, q):
+    """`raytrace.kernels.height_field_search`  for one ray."""
     near, far = NEAREST_MM, np.inf
     for o, d, from_, to in ((ox, dx, s.ends_x[0], s.ends_x[-2]), (oy, dy, s.ends_y[0], s.ends_y[-2]),
                             (oz, dz, s.bottom, s.top)):
@@ -214,8 +195,8 @@ def _search(s, ox, oy, oz, dx, dy, dz, q):  # type: ignore[no-untyped-def]
     return LOST
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _miss(wanted, n, at_infinity, points, directions, miss, axes):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _miss(wanted, n, at_infinity, points, directions, miss, axes):
     """`misses` of image_points.py for one ray: along two axes, NaN where it leaves the target behind; (d·τ)/|T − P|."""
     to_x, to_y, to_z = wanted[n, 0], wanted[n, 1], wanted[n, 2]
     if not at_infinity:
@@ -237,8 +218,8 @@ def _miss(wanted, n, at_infinity, points, directions, miss, axes):  # type: igno
     return 0.0 if at_infinity else along / length
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _newton(ray, length, on_sheet, q, axes, reach, miss, longest, step):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _newton(ray, length, on_sheet, q, axes, reach, miss, longest, step):
     """Newton's step, no longer than `longest`, for the place whose ray is one.
 
     Of the picture plane, `length` from the eye, or of the sheet's (x, y). Derivatives as in image_points.py: dP = t·(δ −
@@ -285,15 +266,15 @@ def _newton(ray, length, on_sheet, q, axes, reach, miss, longest, step):  # type
         step[0], step[1] = shorter * x, shorter * y
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _reflected_ray(ray, q, out):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _reflected_ray(ray, q, out):
     """d − 2(d·n)n."""
     twice = 2.0 * (ray[2] - ray[0] * q[Z_X] - ray[1] * q[Z_Y]) / (1.0 + q[Z_X] * q[Z_X] + q[Z_Y] * q[Z_Y])
     out[0], out[1], out[2] = ray[0] + twice * q[Z_X], ray[1] + twice * q[Z_Y], ray[2] - twice
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _settle(w, s, eye, wanted, n, at_infinity, settled, passes, longest, reach, now):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _settle(w, s, eye, wanted, n, at_infinity, settled, passes, longest, reach, now):
     """Newton on the sheet's (x, y) itself, from what is near already: one look at the sheet a step, and no search.
 
     By what angle the best place passes, which is then in w[:12]; NaN where that is not within `passes`, or where the eye is not
@@ -323,8 +304,8 @@ def _settle(w, s, eye, wanted, n, at_infinity, settled, passes, longest, reach, 
     return best if best <= passes and _inside(s, q[X], q[Y]) else np.nan
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _solve(w, s, eye, starts, wanted, at_infinity, max_steps, settled, passes, smallest, longest, halved_to, best, kept,  # type: ignore[no-untyped-def]
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def _solve(w, s, eye, starts, wanted, at_infinity, max_steps, settled, passes, smallest, longest, halved_to, best, kept,
            leaving):
     q, ray, point, out, miss, axes, step = (w[:12], w[12:15], w[15:18], w[18:21], w[21:23], w[23:33], w[33:35])
     for n in range(starts.shape[0]):
@@ -389,7 +370,7 @@ def image_points(sheet: Sheet, eye: Array, starts: Array, wanted: Array, at_infi
     Parameters
     ----------
     sheet, eye : in mirror coordinates, mm.
-    starts : (n, 2).   wanted : (n, 3), targets, or unit directions `at_infinity`.
+    starts : (n, 2).   wanted : (n, 3), targets, or unit directions.   at_infinity : whether they are directions.
     max_steps : rays for each.   settled, passes : radians, at which it ends, and at which what betters nothing ends it.
     smallest, longest : steps, mm.   halved_to : of Newton's own step, down to which it is halved.
 
@@ -407,8 +388,8 @@ def image_points(sheet: Sheet, eye: Array, starts: Array, wanted: Array, at_infi
 # --- places of the picture plane, one by one ---------------------------------------------------------------------------
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _ray_through(s, eye, x, y, w):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _ray_through(s, eye, x, y, w):
     """What the eye's ray through (x, y) of the picture plane meets first: its status; where in w[:12], the ray in w[12:15]."""
     dx, dy, dz = x - eye[0], y - eye[1], -eye[2]
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -416,8 +397,8 @@ def _ray_through(s, eye, x, y, w):  # type: ignore[no-untyped-def]
     return _first_hit(s, eye[0], eye[1], eye[2], w[12], w[13], w[14], (s.top - eye[2]) / w[14], w)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _trace(w, s, eye, places, rotation, offset, status, points, directions, on_mirror):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def _trace(w, s, eye, places, rotation, offset, status, points, directions, on_mirror):
     for n in range(places.shape[0]):
         status[n] = _ray_through(s, eye, places[n, 0], places[n, 1], w)
         if status[n] != HIT:
@@ -450,16 +431,16 @@ def trace(sheet: Sheet, eye: Array, places: Array, rotation: Array, offset: Arra
     return status, points, directions, on_mirror
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _frame(x, y, z, f):  # type: ignore[no-untyped-def]
+@compiled(_nrt=False)
+def _frame(x, y, z, f):
     """To the right, level, and upward, as one looks along a unit direction, into f (6,)."""
     across = np.sqrt(x * x + y * y)
     f[0], f[1], f[2] = y / across, -x / across, 0.0
     f[3], f[4], f[5] = f[1] * z - f[2] * y, f[2] * x - f[0] * z, f[0] * y - f[1] * x
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _differentials(w, s, eye, places, rotation, jacobian, shift, path, seen):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def _differentials(w, s, eye, places, rotation, jacobian, shift, path, seen):
     before, after, turn, p, d = w[15:21], w[21:27], w[27:30], w[30:33], w[33:36]
     for n in range(places.shape[0]):
         seen[n] = _ray_through(s, eye, places[n, 0], places[n, 1], w) == HIT
@@ -522,8 +503,8 @@ def ray_differentials(sheet: Sheet, eye: Array, places: Array, rotation: Array,
 # --- the rim ----------------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _reflected_at(s, eye, x, y, z, z_x, z_y, rotation, offset, ray):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _reflected_at(s, eye, x, y, z, z_x, z_y, rotation, offset, ray):
     """How the eye's ray to a point of the sheet leaves: point and direction, then both turned and moved, into ray (12,).
 
     Whether it is sure to meet that point first.
@@ -540,8 +521,8 @@ def _reflected_at(s, eye, x, y, z, z_x, z_y, rotation, offset, ray):  # type: ig
     return facing < 0.0 and length > NEAREST_MM and _once(s, dx, dy, dz)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _reflected(w, s, eye, surface, rotation, offset, places, points, directions):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def _reflected(w, s, eye, surface, rotation, offset, places, points, directions):
     for n in range(surface.shape[0]):
         x, y, z, z_x, z_y = surface[n, 0], surface[n, 1], surface[n, 2], surface[n, 3], surface[n, 4]
         if not _reflected_at(s, eye, x, y, z, z_x, z_y, rotation, offset, w):
@@ -553,15 +534,15 @@ def _reflected(w, s, eye, surface, rotation, offset, places, points, directions)
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _surface_points(w, s, at, found):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def _surface_points(w, s, at, found):
     for n in range(at.shape[0]):
         _taylor(s, at[n, 0], at[n, 1], w)
         found[n, 0], found[n, 1], found[n, 2], found[n, 3], found[n, 4] = w[AT_X], w[AT_Y], w[Z], w[Z_X], w[Z_Y]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def _are_inside(s, points, answer):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, _nrt=False)
+def _are_inside(s, points, answer):
     for n in range(points.shape[0]):
         answer[n] = _inside(s, points[n, 0], points[n, 1])
 
@@ -580,8 +561,8 @@ def surface_points(sheet: Sheet, at: Array) -> Array:
     return found
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _on_rim(r, k, t, at):  # type: ignore[no-untyped-def]
+@compiled(_nrt=False)
+def _on_rim(r, k, t, at):
     """(x, y) at the share t of the way from vertex k to the next, piece by piece."""
     along = t * r.pieces[k]
     piece = min(max(int(along), 0), r.pieces[k] - 1)
@@ -590,22 +571,22 @@ def _on_rim(r, k, t, at):  # type: ignore[no-untyped-def]
     at[1] = r.start[piece, 1] + share * (r.end[piece, 1] - r.start[piece, 1])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _value(f, q, d):  # type: ignore[no-untyped-def]
+@compiled(_nrt=False)
+def _value(f, q, d):
     """f0 + f1..3·q + f4..6·d + f7..9·(q × d)."""
     return (f[0] + f[1] * q[0] + f[2] * q[1] + f[3] * q[2] + f[4] * d[0] + f[5] * d[1] + f[6] * d[2]
             + f[7] * (q[1] * d[2] - q[2] * d[1]) + f[8] * (q[2] * d[0] - q[0] * d[2]) + f[9] * (q[0] * d[1] - q[1] * d[0]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def values(functions, points, directions, found):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, _nrt=False)
+def values(functions, points, directions, found):
     """Functions (1, 10) or (n, 10), as in `rim_roots`, of rays from points (n, 3) along directions (n, 3): found (n,)."""
     for n in range(found.size):
         found[n] = _value(functions[n if functions.shape[0] > 1 else 0], points[n], directions[n])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def _roots(w, s, r, eye, rotation, offset, functions, vertex, low, high, at_low, at_high, settled, found):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, _nrt=False)
+def _roots(w, s, r, eye, rotation, offset, functions, vertex, low, high, at_low, at_high, settled, found):
     q, ray, at = w[:12], w[12:24], w[24:26]
     for n in range(vertex.size):
         k, f = vertex[n], functions[n if functions.shape[0] > 1 else 0]
@@ -632,13 +613,13 @@ def _roots(w, s, r, eye, rotation, offset, functions, vertex, low, high, at_low,
             if y * y < x and (1.0 - y) * (1.0 - y) < 1.0 - x:
                 quadratic = (at_here / (at_other - at_here) * at_third / (at_other - at_third) + (third - here) / (other - here)
                              * at_here / (at_third - at_here) * at_other / (at_third - at_other))
-                share = _clamp(quadratic, least, 1.0 - least)
+                share = clamp(quadratic, least, 1.0 - least)
         found[n] = low[n] + (here if abs(at_here) <= abs(at_other) else other) * width
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def _places_on(r, vertex, share, at):  # type: ignore[no-untyped-def]
+@compiled(nogil=True, _nrt=False)
+def _places_on(r, vertex, share, at):
     for n in range(vertex.size):
         _on_rim(r, vertex[n], share[n], at[n])
 

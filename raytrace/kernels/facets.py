@@ -7,7 +7,8 @@ to 1, so that float32 neither overflows nor loses digits wherever the mesh is an
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from raytrace.kernels.compiled import compiled
 
 # What a ray is refused for; `embree` says it in words.
 GOOD, BAD_ORIGIN, BAD_DIRECTION, NOT_UNIT = 0, 1, 2, 3
@@ -24,7 +25,7 @@ OVERLAP = 4.0 * 2.0**-23
 MAX_MOVED = 64.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def overlapping(vertices, faces, corners):
     """Corners (m, 3, 3) float32 of triangles whose sides lie OVERLAP further out, in their own planes.
 
@@ -59,7 +60,7 @@ def overlapping(vertices, faces, corners):
                 corners[m, k, c] = vertices[faces[m, k], c] + (shift[k, c] if moves else 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, fastmath={"contract"})
 def cast(origins, directions, centre, scale, radius, starts, rays):
     """Local rays (n, 3) float32 that start at the ball around the mesh; returns what is wrong with which ray.
 
@@ -86,7 +87,7 @@ def cast(origins, directions, centre, scale, radius, starts, rays):
     return GOOD, 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, fastmath={"contract"})
 def refine(origins, directions, centre, scale, vertices, faces, found, distance, triangle, u, v):
     """Float64 distance, u and v of each ray on the plane of the triangle that Embree found for it.
 

@@ -3,7 +3,7 @@
 No start is guessed. With a, b ⟂ d a ray meets a surface P/w where F = (a·P − w·a·o, b·P − w·b·o) vanishes, and on a piece all
 of F's second derivatives are bounded. A piece is thrown away where F cannot vanish on it; where it can vanish only once,
 Newton's method finds where; else the piece is halved. So what is met is the nearest place, on faces that wind, graze, fold
-or share a surface too. Everything compiled stands in this file, for numba's cache does not notice changes in another.
+or share a surface too.
 Source: the test for one root is that of Kantorovich and Krawczyk; see Neumaier, Interval Methods for Systems of Equations, 5.1.
 """
 
@@ -12,21 +12,45 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from raytrace.kernels import newton
+from raytrace.kernels.blocks import Results
+from raytrace.kernels.compiled import compiled
+from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
+from raytrace.kernels.pieces import (
+    BEND_UU,
+    BEND_UV,
+    BEND_VV,
+    CENTRE,
+    EXTENT,
+    FIRST,
+    HALF_U,
+    HALF_V,
+    INVERSE_HEIGHT,
+    LOW,
+    MIDDLE_U,
+    MIDDLE_V,
+    OFF_U,
+    OFF_V,
+    ONE_SIDED,
+    PARTS,
+    POWERS_U,
+    POWERS_V,
+    SIGN,
+    STRIPS,
+    U_MAX,
+    U_MIN,
+    V_MAX,
+    V_MIN,
+    VALUES,
+    Pieces,
+)
+from raytrace.kernels.trees import NODES, entered, inverse, put_children
+from raytrace.kernels.trimming import odd_to_the_right
 from raytrace.parallel import parallel_for
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
-# Numbers of other files as those of this one, so that the cache's key is in this file (newton.py says what they mean).
-HIT, MISSED, BEHIND, LOST = newton.HIT, newton.OUTSIDE, newton.BEHIND, newton.LOST
-RESIDUAL, ACCEPTED, NEAREST_MM, MAX_STEPS = newton.RESIDUAL, newton.ACCEPTED, newton.NEAREST_MM, newton.MAX_STEPS
-MIDDLE_U, MIDDLE_V, OFF_U, OFF_V, HALF_U, HALF_V, BEND_UU, BEND_UV, BEND_VV, VALUES = range(10)  # as in pieces.py
-POWERS_U, POWERS_V, PARTS, FIRST, STRIPS, ONE_SIDED = range(6)
-CENTRE, EXTENT, SIGN, LOW, INVERSE_HEIGHT, U_MIN, U_MAX, V_MIN, V_MAX = 0, 3, 4, 5, 6, 7, 8, 9, 10
 
 ONCE = 0.5  # how much of F's slope its second derivatives may change on a piece where Newton's method cannot go astray
 OVERSHOT = 1.05  # of a piece's half size: beyond this after the first step there is no place on it; it is off by 0.03 at most
@@ -36,7 +60,6 @@ FLAT = 1e-14  # of |F_u|·|F_v|: a smaller determinant is rounding, and the ray 
 ALONG = 1e-3  # of the surface's size: a ray that runs along a flat piece as far lies in it, and meets nothing
 MAX_LOOKS = 4000  # at halves of a piece, for one ray; one in a straight line of a curved surface takes the most
 DEEPEST = 96  # halvings of a piece: 2^−48 of both sides
-NODES = 128  # of the tree that wait; it is less deep than that
 
 # The ray: origin, direction, two directions across it.
 OX, OY, OZ, DX, DY, DZ, AX, AY, AZ, BX, BY, BZ = range(12)
@@ -46,45 +69,35 @@ T, X, Y, Z, NX, NY, NZ, FACING = range(8)
 SETTLED, UNSURE = 0, 1
 
 
-class Pieces(NamedTuple):
-    """The pieces of several surfaces, in the order of their tree's leaves, as the search takes them.
+class _Piece(NamedTuple):
+    """One piece, with its cell's coefficients and its surface's numbers."""
 
-    tree_boxes, tree_links : see `Tree`.   boxes (m, 6) mm.   numbers (m, 21), bases (m,), owners (m,) : see the columns, where
-    the cell's coefficients begin, and the surface.   coefficients : flat, of each surface (u spans, v spans, parts, powers
-    of u, powers of v), highest first, about the surface's centre.   counts (f, 6), sizes (f, 11) : of the surfaces.
-    first, edges : of the trimmings, one after the other.
-    """
-
-    tree_boxes: Array
-    tree_links: Index
-    boxes: Array
-    numbers: Array
-    bases: Index
-    owners: Index
     coefficients: Array
+    base: int
     counts: Index
     sizes: Array
-    first: Index
-    edges: Array
+    numbers: Array
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _inside(first, edges, strips_from, strips, low, inverse_height, u, v):  # type: ignore[no-untyped-def]
-    """Even-odd rule on a trimming polygon, as in newton.py, of one surface of many."""
-    strip = int((v - low) * inverse_height)
-    if strip < 0 or strip >= strips or v < low:
-        return False
-    inside = False
-    for k in range(first[strips_from + strip], first[strips_from + strip + 1]):
-        u0, v0, u1, v1 = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-        if (v0 <= v) != (v1 <= v) and u < u0 + (v - v0) * (u1 - u0) / (v1 - v0):
-            inside = not inside
-    return inside
+class _Work(NamedTuple):
+    """A thread's working arrays: the ray, values on a piece, its parts and the tree's nodes that wait, and what was found."""
+
+    ray: Array
+    q: Array
+    waiting: Array
+    found: Array
+    stack: Index
+    entries: Array
+
+    @staticmethod
+    def empty() -> _Work:
+        return _Work(np.empty(12), np.empty(12), np.empty((DEEPEST + 2, 4)), np.empty(8), np.empty(NODES, dtype=np.int64),
+                     np.empty(NODES))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _evaluate(flat, base, powers_u, powers_v, parts, a, b, q):  # type: ignore[no-untyped-def]
-    """P, P_u, P_v (and w, w_u, w_v) of one cell at (a, b) from its middle, into q: x, x_u, x_v, y, …"""
+@compiled(fastmath={"contract"}, _nrt=False)
+def _evaluate(flat, base, powers_u, powers_v, parts, a, b, q):
+    """P, P_u, P_v (and w, w_u, w_v) of one cell at (a, b) from its middle, into q: x, x_u, x_v, y and so on."""
     k = base
     for part in range(parts):
         value = along_a = along_b = 0.0
@@ -100,8 +113,8 @@ def _evaluate(flat, base, powers_u, powers_v, parts, a, b, q):  # type: ignore[n
         q[3 * part], q[3 * part + 1], q[3 * part + 2] = value, along_a, along_b
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _project(q, w):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _project(q, w):
     """S, S_u, S_v in place of P, P_u, P_v."""
     for k in range(0, 9, 3):
         q[k] /= w
@@ -109,17 +122,17 @@ def _project(q, w):  # type: ignore[no-untyped-def]
         q[k + 2] = (q[k + 2] - q[11] * q[k]) / w
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _refined(flat, base, counts, numbers, ray, ox, oy, oz, limit, x, y, q):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _refined(piece, ray, ox, oy, oz, limit, x, y, q):
     """Newton's method on S(u, v) = o + t·d from (x, y) in the piece's own −1 … 1; whether it met, and where.
 
-    A step ends on the piece's edge at most. The last one is where the distance from the ray is rounding, as in newton.py.
+    A step ends on the piece's edge at most. The last one is where the distance from the ray is rounding.
     """
-    parts = counts[PARTS]
+    numbers, counts, parts = piece.numbers, piece.counts, piece.counts[PARTS]
     last = np.inf
     for step in range(MAX_STEPS):
-        _evaluate(flat, base, counts[POWERS_U], counts[POWERS_V], parts, numbers[OFF_U] + x * numbers[HALF_U],
-                  numbers[OFF_V] + y * numbers[HALF_V], q)
+        _evaluate(piece.coefficients, piece.base, counts[POWERS_U], counts[POWERS_V], parts,
+                  numbers[OFF_U] + x * numbers[HALF_U], numbers[OFF_V] + y * numbers[HALF_V], q)
         if parts == 4:
             _project(q, q[9])
         px, py, pz = q[0] - ox, q[3] - oy, q[6] - oz
@@ -141,9 +154,10 @@ def _refined(flat, base, counts, numbers, ray, ox, oy, oz, limit, x, y, q):  # t
     return last <= ACCEPTED * limit, x, y
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _take(counts, sizes, numbers, first, edges, ray, ox, oy, oz, x, y, q, found):  # type: ignore[no-untyped-def]
+@compiled(fastmath={"contract"}, _nrt=False)
+def _keep(piece, first, edges, ray, ox, oy, oz, x, y, q, found):
     """Keep the place S = q at (x, y) of a piece where it lies inside the trimming and before what was found."""
+    sizes, counts, numbers = piece.sizes, piece.counts, piece.numbers
     t = (q[0] - ox) * ray[DX] + (q[3] - oy) * ray[DY] + (q[6] - oz) * ray[DZ]
     if not (t > NEAREST_MM and t < found[T]):
         return
@@ -155,7 +169,9 @@ def _take(counts, sizes, numbers, first, edges, ray, ox, oy, oz, x, y, q, found)
     u = max(u, u_min) if u >= u_min - snap_u else u
     v = min(v, v_max) if v <= v_max + snap_v else v
     v = max(v, v_min) if v >= v_min - snap_v else v
-    if not _inside(first, edges, counts[FIRST], counts[STRIPS], sizes[LOW], sizes[INVERSE_HEIGHT], u, v):
+    strip = int((v - sizes[LOW]) * sizes[INVERSE_HEIGHT])
+    if strip < 0 or strip >= counts[STRIPS] or v < sizes[LOW] \
+            or not odd_to_the_right(edges, first[counts[FIRST] + strip], first[counts[FIRST] + strip + 1], u, v):
         return
     nx, ny, nz = q[4] * q[8] - q[7] * q[5], q[7] * q[2] - q[1] * q[8], q[1] * q[5] - q[4] * q[2]
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
@@ -166,9 +182,11 @@ def _take(counts, sizes, numbers, first, edges, ray, ox, oy, oz, x, y, q, found)
     found[FACING] = facing if counts[ONE_SIDED] else -1.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _meet_piece(flat, base, counts, sizes, numbers, first, edges, ray, q, waiting, found):  # type: ignore[no-untyped-def]
-    """All places where a ray meets a piece, each into `_take`."""
+@compiled(fastmath={"contract"}, _nrt=False)
+def _meet_piece(piece, first, edges, work):
+    """All places where a ray meets a piece, each into `_keep`."""
+    sizes, counts, numbers = piece.sizes, piece.counts, piece.numbers
+    ray, q, waiting, found = work.ray, work.q, work.waiting, work.found
     parts, bend_uu, bend_uv, bend_vv = counts[PARTS], numbers[BEND_UU], numbers[BEND_UV], numbers[BEND_VV]
     ox, oy, oz = ray[OX] - sizes[CENTRE], ray[OY] - sizes[CENTRE + 1], ray[OZ] - sizes[CENTRE + 2]
     limit = RESIDUAL * (sizes[EXTENT] + abs(ox) + abs(oy) + abs(oz))
@@ -185,8 +203,8 @@ def _meet_piece(flat, base, counts, sizes, numbers, first, edges, ray, q, waitin
             for k in range(3 * parts):
                 q[k] = numbers[VALUES + k]
         else:
-            _evaluate(flat, base, counts[POWERS_U], counts[POWERS_V], parts, numbers[OFF_U] + x * numbers[HALF_U],
-                      numbers[OFF_V] + y * numbers[HALF_V], q)
+            _evaluate(piece.coefficients, piece.base, counts[POWERS_U], counts[POWERS_V], parts,
+                      numbers[OFF_U] + x * numbers[HALF_U], numbers[OFF_V] + y * numbers[HALF_V], q)
         w, w_u, w_v = (q[9], q[10], q[11]) if parts == 4 else (1.0, 0.0, 0.0)
         half_u, half_v = scale_u * numbers[HALF_U], scale_v * numbers[HALF_V]
         f = ray[AX] * q[0] + ray[AY] * q[3] + ray[AZ] * q[6] - oa * w
@@ -215,10 +233,9 @@ def _meet_piece(flat, base, counts, sizes, numbers, first, edges, ray, q, waitin
             if max(abs(step_x), abs(step_y)) > reach:
                 continue
             step_x, step_y = min(max(step_x, -1.0), 1.0), min(max(step_y, -1.0), 1.0)
-            met, to_x, to_y = _refined(flat, base, counts, numbers, ray, ox, oy, oz, limit, x + step_x * scale_u,
-                                       y + step_y * scale_v, q)
+            met, to_x, to_y = _refined(piece, ray, ox, oy, oz, limit, x + step_x * scale_u, y + step_y * scale_v, q)
             if met:
-                _take(counts, sizes, numbers, first, edges, ray, ox, oy, oz, to_x, to_y, q, found)
+                _keep(piece, first, edges, ray, ox, oy, oz, to_x, to_y, q, found)
             continue
         if 0.5 * bend <= limit * abs(w):
             # Straight to rounding, and the ray runs along it: touches it, or lies in it.
@@ -228,7 +245,7 @@ def _meet_piece(flat, base, counts, sizes, numbers, first, edges, ray, q, waitin
                 continue
             if parts == 4:
                 _project(q, w)
-            _take(counts, sizes, numbers, first, edges, ray, ox, oy, oz, x, y, q, found)
+            _keep(piece, first, edges, ray, ox, oy, oz, x, y, q, found)
             continue
         if count + 2 > DEEPEST:
             outcome = UNSURE
@@ -243,21 +260,11 @@ def _meet_piece(flat, base, counts, sizes, numbers, first, edges, ray, q, waitin
     return UNSURE
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _entered(boxes, k, ox, oy, oz, ix, iy, iz, farthest):  # type: ignore[no-untyped-def]
-    """Distance at which a ray enters a box, by the inverse of its direction; inf where it does not before `farthest`."""
-    a, b = (boxes[k, 0] - ox) * ix, (boxes[k, 3] - ox) * ix
-    near, far = min(a, b), max(a, b)
-    a, b = (boxes[k, 1] - oy) * iy, (boxes[k, 4] - oy) * iy
-    near, far = max(near, min(a, b)), min(far, max(a, b))
-    a, b = (boxes[k, 2] - oz) * iz, (boxes[k, 5] - oz) * iz
-    near, far = max(near, min(a, b)), min(far, max(a, b))
-    return near if near <= far and far > 0.0 and near < farthest else np.inf
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-def _first_hits(nodes, links, boxes, numbers, bases, owners, flat, counts, sizes, first, edges,  # type: ignore[no-untyped-def]
-                ray, q, waiting, found, stack, entries, origins, units, valid, status, points, normals, reflected, distances):
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def _first_hits(pieces, work, origins, units, valid, results):
+    nodes, links, boxes = pieces.tree.boxes, pieces.tree.links, pieces.boxes
+    ray, found, stack, entries = work.ray, work.found, work.stack, work.entries
+    status, points, normals, reflected, distances = results
     for n in range(valid.size):
         if not valid[n]:
             continue
@@ -270,14 +277,11 @@ def _first_hits(nodes, links, boxes, numbers, bases, owners, flat, counts, sizes
         ax, ay, az = ax / length, ay / length, az / length
         ray[AX], ray[AY], ray[AZ] = ax, ay, az
         ray[BX], ray[BY], ray[BZ] = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
-        # A direction of no share along an axis gets one that is none, so that no zero is multiplied with infinity.
-        ix = 1.0 / (dx if abs(dx) > 1e-200 else 1e-200)
-        iy = 1.0 / (dy if abs(dy) > 1e-200 else 1e-200)
-        iz = 1.0 / (dz if abs(dz) > 1e-200 else 1e-200)
+        ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
         before = distances[n] if distances[n] < np.inf else np.inf
         found[T] = before
         unsure = False
-        stack[0], entries[0] = 0, _entered(nodes, 0, ray[OX], ray[OY], ray[OZ], ix, iy, iz, before)
+        stack[0], entries[0] = 0, entered(nodes, 0, ray[OX], ray[OY], ray[OZ], ix, iy, iz, before)
         left = 1
         while left > 0:
             left -= 1
@@ -287,23 +291,16 @@ def _first_hits(nodes, links, boxes, numbers, bases, owners, flat, counts, sizes
             child, size = links[node, 0], links[node, 1]
             if size > 0:
                 for piece in range(child, child + size):
-                    if _entered(boxes, piece, ray[OX], ray[OY], ray[OZ], ix, iy, iz, found[T]) < np.inf:
-                        face = owners[piece]
-                        if _meet_piece(flat, bases[piece], counts[face], sizes[face], numbers[piece], first, edges, ray, q,
-                                       waiting, found) == UNSURE:
+                    if entered(boxes, piece, ray[OX], ray[OY], ray[OZ], ix, iy, iz, found[T]) < np.inf:
+                        face = pieces.owners[piece]
+                        one = _Piece(pieces.coefficients, pieces.bases[piece], pieces.counts[face], pieces.sizes[face],
+                                     pieces.numbers[piece])
+                        if _meet_piece(one, pieces.first, pieces.edges, work) == UNSURE:
                             unsure = True
                 continue
-            one = _entered(nodes, child, ray[OX], ray[OY], ray[OZ], ix, iy, iz, found[T])
-            other = _entered(nodes, child + 1, ray[OX], ray[OY], ray[OZ], ix, iy, iz, found[T])
-            nearer = 0 if one <= other else 1
-            for k_child in range(2):  # the nearer one is taken first, so put last
-                which = 1 - nearer if k_child == 0 else nearer
-                entry = other if which == 1 else one
-                if entry < np.inf:
-                    stack[left], entries[left] = child + which, entry
-                    left += 1
+            left = put_children(nodes, child, ray[OX], ray[OY], ray[OZ], ix, iy, iz, found[T], stack, entries, left)
         if not found[T] < before:
-            if unsure and status[n] == MISSED:
+            if unsure and status[n] == OUTSIDE:
                 status[n] = LOST
             continue
         t = found[T]
@@ -321,18 +318,20 @@ def _first_hits(nodes, links, boxes, numbers, bases, owners, flat, counts, sizes
                 points[c] = normals[c] = reflected[c] = np.nan
 
 
-def first_hits(tree: Pieces, origins: Array, units: Array, valid: NDArray[np.bool_], status: NDArray[np.int8],
-               points: Array, normals: Array, reflected: Array, distances: Array) -> None:
+def first_hits(pieces: Pieces, origins: Array, units: Array, valid: NDArray[np.bool_], results: Results) -> None:
     """Put what rays meet first of the pieces into the results, where it is nearer than what stands there.
 
-    origins (3,) or (3n,), units (3n,) : flat; `valid` (n,) says which rays are rays. Results are those of `raytrace.reflect`,
-    flat: their distance is NaN where nothing was met. A ray is LOST where it runs along a surface for so long that the search
-    is ended.
+    A ray is LOST where it runs along a surface for so long that the search is ended.
+
+    Parameters
+    ----------
+    pieces : of one surface or several.
+    origins, units : (3,) or (3n,), mm, and (3n,), unit, flat.
+    valid : (n,), which rays are rays.
+    results : of n rays; their distance is NaN where nothing was met.
     """
     def work(i: int, j: int) -> None:
-        three = slice(3 * i, 3 * j)
-        _first_hits(*tree, np.empty(12), np.empty(12), np.empty((DEEPEST + 2, 4)), np.empty(8), np.empty(NODES, dtype=np.int64),
-                    np.empty(NODES), origins if origins.size == 3 else origins[three], units[three], valid[i:j],
-                    status[i:j], points[three], normals[three], reflected[three], distances[i:j])
+        _first_hits(pieces, _Work.empty(), origins if origins.size == 3 else origins[3 * i:3 * j], units[3 * i:3 * j],
+                    valid[i:j], results.of_rays(i, j))
 
     parallel_for(work, len(valid))

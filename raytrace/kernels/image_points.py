@@ -1,30 +1,48 @@
 """What Newton for image points does ray by ray, and the differentials of reflected rays that it goes by.
 
-All vectors are in mirror coordinates. The kernels call none of other modules, whose changes numba's cache would not notice.
+All vectors are in mirror coordinates.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from raytrace.kernels.compiled import compiled
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def normals_between(rays: Array, directions: Array, normals: Array) -> None:
-    """Unit normals (n, 3) that turn rays (n, 3) into the reflected directions (n, 3)."""
+    """Write the unit normals that turn rays into the reflected directions.
+
+    Parameters
+    ----------
+    rays, directions : (n, 3), unit.
+    normals : (n, 3), what is written.
+    """
     for n in range(rays.shape[0]):
         x, y, z = (directions[n, 0] - rays[n, 0], directions[n, 1] - rays[n, 1], directions[n, 2] - rays[n, 2])
         length = np.sqrt(x * x + y * y + z * z)
         normals[n, 0], normals[n, 1], normals[n, 2] = x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def reflected_differentials(eye: Array, rays: Array, turns: Array, points: Array, normals: Array, tensors: Array,
                             by_points: Array, by_directions: Array) -> None:
-    """dP = t·(δ − ω·(n·δ)/(n·ω)) and dd = δ − 2(δ·n + ω·dn)·n − 2(ω·n)·dn, dn = N·dP, of turns δ (n, k, 3) of rays ω (n, 3)."""
+    """Write how points and directions of reflected rays change with the rays.
+
+    dP = t·(δ − ω·(n·δ)/(n·ω)) and dd = δ − 2(δ·n + ω·dn)·n − 2(ω·n)·dn, dn = N·dP, of turns δ of rays ω.
+
+    Parameters
+    ----------
+    eye : (3,), mm.
+    rays, turns : (n, 3), unit, and (n, k, 3).
+    points, normals : (n, 3), mm and unit, where the rays are reflected.
+    tensors : (n, 3, 3), N, 1/mm.
+    by_points, by_directions : (n, k, 3), what is written.
+    """
     step, bent = np.empty(3), np.empty(3)
     for n in range(rays.shape[0]):
         along = path = 0.0
@@ -47,9 +65,16 @@ def reflected_differentials(eye: Array, rays: Array, turns: Array, points: Array
                 by_directions[n, k, c] = turns[n, k, c] - 2.0 * twice * normals[n, c] - 2.0 * along * bent[c]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def rays_through(eye: Array, at: Array, rays: Array, turns: Array) -> None:
-    """Unit rays (n, 3) from the eye through points (n, 2) of the plane z = 0, and their derivatives by these, (n, 2, 3)."""
+    """Write the unit rays from the eye through points of the plane z = 0, and their derivatives by these.
+
+    Parameters
+    ----------
+    eye : (3,), mm.
+    at : (n, 2), mm.
+    rays, turns : (n, 3) and (n, 2, 3), 1/mm, what is written.
+    """
     for n in range(at.shape[0]):
         x, y, z = at[n, 0] - eye[0], at[n, 1] - eye[1], -eye[2]
         length = np.sqrt(x * x + y * y + z * z)
@@ -59,7 +84,7 @@ def rays_through(eye: Array, at: Array, rays: Array, turns: Array) -> None:
         turns[n, 1, 0], turns[n, 1, 1], turns[n, 1, 2] = -x * y / length, (1.0 - y * y) / length, -y * z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directions: Array, missed: Array, axes: Array,
            reach: Array) -> None:
     """By what angles, about, rays pass their targets: missed (n, 2), NaN where they are not reflected or leave it behind.
@@ -96,12 +121,19 @@ def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directio
                                 + axes[n, k, 2] * directions[n, 2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def newton_steps(missed: Array, axes: Array, reach: Array, by_points: Array, by_directions: Array, longest: float,
                  steps: Array) -> None:
-    """Steps (n, 2) of Newton, no longer than `longest`; where the derivatives fail, steps stay as they are.
+    """Write the steps of Newton, no longer than `longest`; where the derivatives fail, steps stay as they are.
 
     The misses s·d along the axes s change by s·(∂d + (d·τ)·∂P/|T − P|).
+
+    Parameters
+    ----------
+    missed, axes, reach : (n, 2), (n, 2, 3) and (n,), as `misses` writes them.
+    by_points, by_directions : (n, 2, 3), derivatives by the points of the plane.
+    longest : mm.
+    steps : (n, 2), mm, what is written.
     """
     slopes = np.empty((2, 2))
     for n in range(missed.shape[0]):
@@ -119,9 +151,17 @@ def newton_steps(missed: Array, axes: Array, reach: Array, by_points: Array, by_
             steps[n, 0], steps[n, 1] = shorter * x, shorter * y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def nearest_rays(wanted: Array, at_infinity: bool, points: Array, directions: Array, nearest: NDArray[np.intp]) -> None:
-    """Which of m rays, from points (m, 3) in unit directions (m, 3), goes most nearly towards each target: nearest (n,)."""
+    """Write which of m rays goes most nearly towards each of n targets.
+
+    Parameters
+    ----------
+    wanted : (n, 3), mm, the targets; or unit directions.
+    at_infinity : whether they are directions.
+    points, directions : (m, 3), mm and unit, of the rays.
+    nearest : (n,), what is written.
+    """
     for n in range(wanted.shape[0]):
         best, nearest[n] = -np.inf, 0
         for m in range(points.shape[0]):
@@ -135,13 +175,26 @@ def nearest_rays(wanted: Array, at_infinity: bool, points: Array, directions: Ar
                 best, nearest[n] = along, m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def keep_best(going: NDArray[np.intp], missed: Array, at: Array, points: Array, settled: float, passes: float, best: Array,
               kept: Array, leaving: Array, steps: Array, moving: NDArray[np.int8]) -> int:
-    """Keep what is better of the rays of an index `going` (m,), and say what becomes of each: moving (m,), how many move.
+    """Keep what is better of the rays of an index, and say what becomes of each.
 
     0 : it is settled.   1 : it takes a step of Newton from here.   2 : it was no better, and takes half the step before, in
-    `steps` (m, 2), from the best.
+    `steps`, from the best.
+
+    Parameters
+    ----------
+    going : (m,), the rays' numbers.
+    missed, at, points : (m, 2), (m, 2) and (m, 3), by what angles they miss, where they are, and where they leave.
+    settled, passes : radians, below which a ray is settled, and does as it is.
+    best, kept, leaving : (n,), (n, 2) and (n, 3), of all rays the best so far.
+    steps : (m, 2), which are halved.
+    moving : (m,), what is written.
+
+    Returns
+    -------
+    How many take a step of Newton.
     """
     count = 0
     for m in range(going.size):

@@ -6,12 +6,12 @@ A facet's own normal is off by a first-order error in the size of the facets; th
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from mirror_cad.mesh import SurfaceMesh
+from raytrace.kernels.compiled import compiled
 from raytrace.parallel import parallel_for
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ def _max_weights(mesh: SurfaceMesh) -> Array:
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def _quadric_normals(start, stop, places, mean, first, neighbours, least_cosine, normals):
     """The normal of the quadric at the nodes start … stop.
 
@@ -207,7 +207,7 @@ def interpolated_normals(corners: Array, triangle: NDArray[np.int32], u: Array, 
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def _interpolate(corners, triangle, u, v, result):
     for n in range(triangle.size):
         f = triangle[n]

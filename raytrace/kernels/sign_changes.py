@@ -56,7 +56,7 @@ def along_loops(values: Array, places: Array, following: Index, near_zero: float
 
     Parameters
     ----------
-    values : (n,), at the loops' vertices, places (n, 2).   following : (n,), the next vertex of each.
+    values : (n,), at the loops' vertices.   places : (n, 2), of these.   following : (n,), the next vertex of each.
     near_zero, beside_cell : see `raytrace.visibility.sign_changes`.
 
     Returns

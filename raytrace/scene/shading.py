@@ -343,10 +343,11 @@ def shade(found: SurfaceInteraction, directions: Array, diffuse: Array, lit: NDA
 
     Parameters
     ----------
-    found : n points, of which the first `on_ground` are on the ground.
+    found : n points.
     directions : (m, 3), unit, of the rays.
     diffuse : (n, 3), reflectance of the points.
     lit : (n,), whether the sun's disc is seen.
+    on_ground : how many of the points, the first ones, are on the ground.
     specular, roughness : (k, 3) and (k,), of materials.
     bounce, image, traced : (n − on_ground, 3), (…, 3) and (…), of the points on bodies: the mirror direction, the radiance
         there, and whether that is of what stands there (then nothing else hides it).

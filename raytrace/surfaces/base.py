@@ -42,7 +42,7 @@ class RigidMotion(Protocol):
         """Of the mirror in the file; "right" is reflected."""
 
     def to_mirror(self, points: Array) -> Array:
-        """Points (…, 3), mm."""
+        """Points (…, 3), mm, of the file in mirror coordinates."""
 
 
 class GlassPlate(Protocol):
@@ -53,7 +53,7 @@ class GlassPlate(Protocol):
         """Of the glass against air, 1 or more."""
 
     def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Points (n, 3) of the front, mm, and its unit normals towards the air, at its parameters (n,)."""
+        """Points (n, 3) of the front, mm, and its unit normals (n, 3) towards the air, at its parameters u, v (n,)."""
 
     def first_hits(self, rays: Rays, out: Trace) -> None:
         """As `OpticalSurface.first_hits`, through the glass."""
@@ -67,7 +67,14 @@ class GlassPlate(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AreaSamples:
-    """Points (n, 3) on what reflects, and area times outward normal (n, 3) around each; owner (n,) : the face's number."""
+    """Points on what reflects, that tell its side and size.
+
+    Attributes
+    ----------
+    points : (n, 3), mm.
+    areas : (n, 3), mm², area times outward normal around each.
+    owner : (n,), the number of the face that each is on.
+    """
 
     points: Array
     areas: Array
@@ -94,7 +101,13 @@ class OpticalSurface(ABC):
 
     @abstractmethod
     def first_hits(self, rays: Rays, out: Trace) -> None:
-        """Write where each ray first meets it, and where it goes from there, into `out`, whose arrays have room for it."""
+        """Find where each ray first meets the surface, and where it goes from there.
+
+        Parameters
+        ----------
+        rays : n rays, in the surface's coordinates.
+        out : what is written; its arrays have room for n rays.
+        """
 
     @abstractmethod
     def outline(self) -> Array:
@@ -122,9 +135,17 @@ class OpticalSurface(ABC):
 
     @abstractmethod
     def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
-        """The part of it that some of its samples are of, reflecting on both sides, and points (n, 3) of its rim and facets.
+        """Take the part of it that some of its samples are of, reflecting on both sides.
 
-        samples : those of `area_samples`, some of which may have been turned.   side (n,) : which are meant.
+        Parameters
+        ----------
+        samples : those of `area_samples`, some of which may have been turned.
+        side : (n,), which are meant.
+
+        Returns
+        -------
+        surface : that part.
+        points : (m, 3), mm, of its rim and facets.
         """
 
     # --- how well it is known -----------------------------------------------------------------------------------------
@@ -141,7 +162,13 @@ class OpticalSurface(ABC):
 
     @property
     def glass(self) -> GlassPlate:
-        """The glass before it and its reflecting back. Raises: TraceError for what reflects from its front."""
+        """The glass before it and its reflecting back.
+
+        Raises
+        ------
+        TraceError
+            For what reflects from its front.
+        """
         raise TraceError("this mirror reflects from its front: it has no glass that light goes through")
 
     @property
@@ -203,7 +230,17 @@ class OpticalSurface(ABC):
         return self
 
     def inset(self, margin_mm: float) -> OpticalSurface:
-        """The surface without the margin along its edge, in (x, y). Raises: TraceError where that cannot be cut."""
+        """Cut a margin along its edge away, in (x, y).
+
+        Parameters
+        ----------
+        margin_mm : mm, all around.
+
+        Raises
+        ------
+        TraceError
+            Where that cannot be cut.
+        """
         raise no_inset(margin_mm)
 
     def inboard_of(self, x: float) -> OpticalSurface:
@@ -213,9 +250,17 @@ class OpticalSurface(ABC):
     # --- rays by where they are reflected -----------------------------------------------------------------------------
 
     def points_over(self, x: Array, y: Array) -> Array:
-        """Points (n, 3), mm, of the reflecting surface at (x, y), without glass before it; NaN where it has none.
+        """Find points of the reflecting surface, without glass before it.
 
         Of a surface that was cut from a sheet, those of the whole sheet: where a ray down from above all of it meets it.
+
+        Parameters
+        ----------
+        x, y : (n,), mm.
+
+        Returns
+        -------
+        (n, 3), mm; NaN where it has none.
         """
         outline = self.outline()
         # From above all that reflects: facets and bulges are higher than the outline by less than its size.
@@ -227,21 +272,37 @@ class OpticalSurface(ABC):
         return found.points
 
     def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
-        """Directions (n, 3), of any length, in which the eye (3,) sees what is reflected at (x, y) of its sheet; NaN where
-        nothing is.
+        """Find the directions in which an eye sees what is reflected at points of its sheet.
+
+        Parameters
+        ----------
+        eye : (3,), mm.
+        x, y : (n,), mm, of the points.
+
+        Returns
+        -------
+        (n, 3), of any length; NaN where nothing is.
         """
         return self.points_over(x, y) - eye
 
     def reflected_at(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
-        """Points (n, 3) where the rays from the eye that are reflected at (x, y) of its sheet leave it, and their unit
-        directions (n, 3) then; NaN where none is.
+        """Find where the rays from an eye leave it that are reflected at points of its sheet, and in which directions.
+
+        Parameters
+        ----------
+        eye : (3,), mm.
+        x, y : (n,), mm, of the points.
+
+        Returns
+        -------
+        points, directions : (n, 3), mm and unit; NaN where none is.
         """
         found = Trace.empty(len(x))
         self.untrimmed().first_hits(Rays(eye[None], np.ascontiguousarray(self.eye_rays(eye, x, y))), found)
         return found.points, found.directions
 
     def reflected_on_grid(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
-        """`reflected_at` on the grid of x (m,) and y (n,): (m·n, 3) each, y running first."""
+        """`reflected_at` on the grid of x (m,) and y (n,), mm: (m·n, 3) each, y running first."""
         return self.reflected_at(eye, *grid_points(x, y))
 
     # --- how rays leave it when the eye turns --------------------------------------------------------------------------
@@ -330,18 +391,22 @@ class BoundedFace(OpticalSurface):
 
     @property
     def bounding_faces(self) -> tuple[BoundedFace, ...]:
+        """Itself."""
         return (self,)
 
     @property
     def extends(self) -> bool:
+        """It does: its sheet is known."""
         return True
 
     @property
     def edge_inset(self) -> float:
+        """EDGE_INSET: the sheet goes on beyond."""
         return EDGE_INSET
 
     @property
     def looks_outward(self) -> bool:
+        """Whether it is one-sided."""
         return self.one_sided
 
     @abstractmethod
@@ -361,6 +426,7 @@ class BoundedFace(OpticalSurface):
         return AreaSamples(self.evaluate(at_u[inside], at_v[inside]), areas[inside], np.zeros(int(inside.sum()), dtype=np.intp))
 
     def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        """All of it, with the points of its rim."""
         return self.two_sided(), np.concatenate([*(curve.points for curve in self.rim), samples.points[side]])
 
 

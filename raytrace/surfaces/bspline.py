@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +12,14 @@ from scipy.spatial import cKDTree
 
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
-from raytrace.kernels import first_hit, newton
+from raytrace.kernels import height_field, height_field_search, parametric
+from raytrace.kernels.blocks import Results
 from raytrace.kernels.eye_rays import Sheet, surface_points
-from raytrace.kernels.first_hit import Pieces
+from raytrace.kernels.first_hit import first_hits
+from raytrace.kernels.height_field import HeightField
+from raytrace.kernels.outcomes import LOST
+from raytrace.kernels.parametric import Patches
+from raytrace.kernels.pieces import Pieces
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
 from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, no_transition, with_trimming_of
@@ -22,7 +27,7 @@ from raytrace.surfaces.cut import inboard_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
 from raytrace.surfaces.pieces import pieces_of
-from raytrace.surfaces.polynomials import HeightField, Patches, is_graph
+from raytrace.surfaces.polynomials import height_field_of, is_graph, patches_of
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import Trimming
 
@@ -38,8 +43,13 @@ ON_FACE = 1e-9  # of a sheet's size, 2e-7 mm: a point that is farther from it is
 
 @dataclass(frozen=True, eq=False)
 class BSplineFace(BoundedFace):
-    """A B-spline surface inside trimming loops (closed polygons in (u, v), even-odd), S_u × S_v times `sign` outward.
+    """A B-spline surface inside trimming loops.
 
+    Parameters
+    ----------
+    surface : S(u, v).
+    loops : closed polygons (n, 2) in (u, v), the first point not repeated; inside is by the even-odd rule.
+    sign : S_u × S_v times sign is outward.
     one_sided : whether only the outward side reflects.
     """
 
@@ -58,17 +68,16 @@ class BSplineFace(BoundedFace):
     @cached_property
     def height_field(self) -> HeightField | None:
         """The surface as z(x, y) where its parameters are x and y themselves and z looks outward; else None."""
-        return HeightField.of(self.surface) if self.sign > 0 else None
+        return height_field_of(self.surface) if self.sign > 0 else None
 
     @cached_property
     def sheet(self) -> Sheet | None:  # type: ignore[override]  # worked out once
         """Itself as one sheet z(x, y), with its trimming; None where it is none."""
-        field, trimming = self.height_field, self.trimming
+        field, strips = self.height_field, self.trimming.strips
         if field is None:
             return None
-        return Sheet(field.powers, field.coefficients, field.ends_x, field.ends_y, field.middle_x, field.middle_y,
-                     field.lookup_x, field.lookup_y, field.top, field.bottom, field.steepest, field.bend, self.one_sided,
-                     trimming.first, trimming.edges, trimming.low, trimming.inverse_height)
+        return Sheet(*field.cells, field.top, field.bottom, field.steepest, field.bend, self.one_sided, strips.first,
+                     strips.edges, strips.low, strips.inverse_height)
 
     @cached_property
     def is_graph(self) -> bool:
@@ -77,8 +86,14 @@ class BSplineFace(BoundedFace):
 
     @cached_property
     def patches(self) -> Patches:
-        """The surface as polynomials. Raises: TraceError for a degree that the kernels do not take."""
-        found = Patches.of(self.surface)
+        """The surface as polynomials.
+
+        Raises
+        ------
+        TraceError
+            For a degree that the kernels do not take.
+        """
+        found = patches_of(self.surface)
         if found is None:
             raise TraceError(f"a face's B-spline has degree {self.surface.degree_u} × {self.surface.degree_v}; degrees up to "
                              "25 are traced: convert the face")
@@ -123,23 +138,27 @@ class BSplineFace(BoundedFace):
 
     @cached_property
     def pieces(self) -> Pieces:
-        """What a search goes through. Raises: TraceError for a degree that the kernels do not take."""
+        """What a search goes through.
+
+        Raises
+        ------
+        TraceError
+            For a degree that the kernels do not take.
+        """
         return pieces_of((self,))
 
     # --- tracing ------------------------------------------------------------------------------------------------------
 
     def first_hits(self, rays: Rays, out: Trace) -> None:
         """Without a search where a ray can meet it only once; what that leaves, with one. See `OpticalSurface`."""
-        field = self.height_field
+        field, strips = self.height_field, self.trimming.strips
         if field is not None:
-            _run(lambda *arrays: newton.height_field_hits(  # type: ignore[no-untyped-call]
-                field.powers, *field.arguments, field.top, field.steepest, *self.trimming.arguments,
-                self.trimming.interior_spans, *arrays), rays, out)
-        elif self.patches.sheet is not None:
-            self._parametric_hits(self.patches.sheet, np.empty(0), rays, out)
+            _run(partial(height_field.hits, field, strips), rays, out)
+        elif len(self.patches.sheet):
+            _run(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out)
         else:
-            out.status[:] = Status.LOST
-        for part, some in rays.in_parts(np.flatnonzero(out.status == Status.LOST)):
+            out.status[:] = LOST
+        for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
             out.scatter(part, self._search(some))
 
     def _search(self, rays: Rays) -> Trace:
@@ -147,20 +166,13 @@ class BSplineFace(BoundedFace):
         found = Trace.empty(len(rays))
         field = self.height_field
         if field is not None:
-            _run(lambda *arrays: newton.height_field_first_hits(  # type: ignore[no-untyped-call]
-                field.powers, *field.arguments, field.bottom, field.top, field.bend, self.one_sided,
-                *self.trimming.arguments, *arrays), rays, found)
+            _run(partial(height_field_search.first_hits, field, self.trimming.strips, self.one_sided), rays, found)
             return found
         search_pieces(self.pieces, rays, found)
         return found
 
-    def _parametric_hits(self, sheet: Array, starts: Array, rays: Rays, out: Trace) -> None:
-        patches, flat = self.patches, starts.ravel()
-        _run(lambda i, j, *arrays: newton.parametric_hits(  # type: ignore[no-untyped-call]
-            patches.powers, patches.parts, *patches.arguments, *self.trimming.arguments, self.trimming.interior_spans,
-            self.sign, self.one_sided, patches.closed, sheet, flat[2 * i:2 * j], *arrays), rays, out, ends=True)
-
     def moved(self, motion: RigidMotion) -> BSplineFace:
+        """By its poles; of a right-hand mirror with u run backwards too: S_u × S_v stays on its side, and u = x so."""
         s = self.surface
         poles = motion.to_mirror(s.poles)
         if motion.hand == "right":  # with u run backwards too, S_u × S_v stays on its side, and u = x stays so
@@ -170,12 +182,14 @@ class BSplineFace(BoundedFace):
         return with_trimming_of(self, again)
 
     def two_sided(self) -> BSplineFace:
+        """The same face, reflecting on both sides."""
         return replace(self, one_sided=False)
 
     # --- what is asked of any optical surface -------------------------------------------------------------------------
 
     @property
     def domain(self) -> Box:
+        """Of a graph the whole sheet's, else that of its rim."""
         return self.surface.domain if self.is_graph else super().domain
 
     @property
@@ -186,16 +200,19 @@ class BSplineFace(BoundedFace):
         return low + WITHIN * (high - low), high - WITHIN * (high - low)
 
     def inset(self, margin_mm: float) -> BSplineFace:
+        """With the loop moved inwards; only of a height field with one loop."""
         if self.height_field is None or len(self.loops) != 1:
             raise no_inset(margin_mm)
         return replace(self, loops=(moved_inwards(self.loops[0], margin_mm),))
 
     def inboard_of(self, x: float) -> BSplineFace:
+        """With the loop cut at x; only of a graph with one loop."""
         if not self.is_graph or len(self.loops) != 1:
             raise no_transition(x)
         return replace(self, loops=(inboard_of(self.loops[0], x),))
 
     def is_above(self, points: Array, margin_mm: float) -> bool:
+        """By the sheet's height over the points; not known but of a height field."""
         if self.height_field is None:
             return False
         x, y, z = points.T
@@ -205,10 +222,12 @@ class BSplineFace(BoundedFace):
         return bool((z <= self.surface.evaluate(x, y)[:, 2] + margin_mm).all())
 
     def prepared(self) -> BSplineFace:
+        """With its loops sorted."""
         _ = self.trimming
         return self
 
     def points_over(self, x: Array, y: Array) -> Array:
+        """Of a sheet z(x, y) from its own height; else as any surface's."""
         if self.sheet is None:
             return super().points_over(x, y)
         points = surface_points(self.sheet, np.stack([x, y], axis=1))[:, :3]
@@ -217,18 +236,21 @@ class BSplineFace(BoundedFace):
         return points
 
     def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
+        """Of a graph from its own height; else as any surface's."""
         return self.surface.evaluate(x, y) - eye if self.is_graph else super().eye_rays(eye, x, y)
 
     def reflected_at(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
+        """Of a graph from its own height and slopes, without a trace; else as any surface's."""
         if not self.is_graph:
             return super().reflected_at(eye, x, y)
         return reflected_from_graph(eye, x, y, *self.surface.heights(x, y))  # u = x, v = y: height and slopes say it all
 
     def curvature_tensors(self, points: Array, normals: Array) -> Array:
+        """From the surface's second derivatives."""
         field = self.height_field
         if field is not None:
             found = np.empty((len(points), 3, 3))
-            newton.height_field_tensors(field.powers, *field.arguments, points, normals, found)
+            height_field.tensors(field.cells, points, normals, found)
             return found
         u, v = points[:, :2].T if self.is_graph else self.parameters_of(points).T
         u_min, u_max, v_min, v_max = self.surface.domain
@@ -281,6 +303,7 @@ class BSplineFace(BoundedFace):
         return cKDTree(points), parameters, float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def reflected_on_grid(self, eye: Array, x: Array, y: Array) -> tuple[Array, Array]:
+        """Of a graph from heights and slopes on the grid; else as any surface's."""
         at_x, at_y = grid_points(x, y)
         if not self.is_graph:
             return super().reflected_on_grid(eye, x, y)
@@ -289,9 +312,18 @@ class BSplineFace(BoundedFace):
 
 
 def reflected_from_graph(eye: Array, x: Array, y: Array, z: Array, z_x: Array, z_y: Array) -> tuple[Array, Array]:
-    """Points (n, 3) of a graph z(x, y) and the unit directions (n, 3) in which rays from the eye are reflected there.
+    """Reflect rays from an eye at points of a graph z(x, y).
 
     d' = d − 2(d·n)n,   n = (−z_x, −z_y, 1)/√(1 + z_x² + z_y²).
+
+    Parameters
+    ----------
+    eye : (3,), mm.
+    x, y, z, z_x, z_y : (n,), mm, of the points, and the slopes there.
+
+    Returns
+    -------
+    points, directions : (n, 3), mm and unit.
     """
     points = np.stack([x, y, z], axis=1)
     normal = np.stack([-z_x, -z_y, np.ones_like(z)], axis=1) / np.sqrt(1.0 + z_x * z_x + z_y * z_y)[:, None]
@@ -301,26 +333,27 @@ def reflected_from_graph(eye: Array, x: Array, y: Array, z: Array, z_x: Array, z
 
 
 def search_pieces(pieces: Pieces, rays: Rays, found: Trace, begun: bool = False) -> None:
-    """The first point that each ray meets of B-splines, by a search that starts nowhere.
+    """Find the first point that each ray meets of B-splines, by a search that starts nowhere.
 
+    Parameters
+    ----------
+    pieces : of the B-splines.
+    rays : n rays.
+    found : what is written.
     begun : whether `found` holds what has been met of other surfaces, which stays where it is nearer; else results are new.
     """
     _, units, valid = rays.units()
     if not begun:
         found.status[:] = np.where(valid, Status.MISSED, Status.INVALID)
         found.invalidate(np.arange(len(rays)))
-    first_hit.first_hits(pieces, rays.origins.ravel(), units.ravel(), valid, found.status, found.points.ravel(),
-                         found.normals.ravel(), found.directions.ravel(), found.distances)
+    first_hits(pieces, rays.origins.ravel(), units.ravel(), valid, found.flat)
 
 
-def _run(kernel: Callable[..., None], rays: Rays, out: Trace, ends: bool = False) -> None:
-    """A kernel on all cores; it gets flat arrays of the rays and results of a run, after the run's ends where it asks."""
-    origins, directions = rays.origins.ravel(), rays.directions.ravel()
-    points, normals, reflected = out.points.ravel(), out.normals.ravel(), out.directions.ravel()
+def _run(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace) -> None:
+    """A kernel on all cores: of each run of rays it gets the origins, the directions and the results, flat."""
+    origins, directions, results = rays.origins.ravel(), rays.directions.ravel(), out.flat
 
     def work(i: int, j: int) -> None:
-        three = slice(3 * i, 3 * j)
-        kernel(*((i, j) if ends else ()), origins if origins.size == 3 else origins[three], directions[three],
-               out.status[i:j], points[three], normals[three], reflected[three], out.distances[i:j])
+        kernel(origins if origins.size == 3 else origins[3 * i:3 * j], directions[3 * i:3 * j], results.of_rays(i, j))
 
     parallel_for(work, len(rays))

@@ -77,13 +77,14 @@ def traced_differentials(reflect: Reflect, rays: Array, turns: Array, points: Ar
     """Differentiate where rays leave and their directions then by differences of exact rays.
 
     Central differences of the second order, which do not overshoot where a law breaks; beside a crease or an edge beyond
-    which nothing is traced, to one side. `smooth` ones are of the fourth order, where they can be.
+    which nothing is traced, to one side.
 
     Parameters
     ----------
     reflect : of directions (m, 3), points (m, 3) and directions (m, 3) of the reflected rays; NaN where there are none.
     rays, turns, points, directions : as in `reflected_differentials`.
     turn : radians between neighbouring rays.
+    smooth : whether differences are of the fourth order, where they can be.
 
     Returns
     -------

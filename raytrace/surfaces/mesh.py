@@ -28,7 +28,13 @@ EDGE_INSET = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class MeshSurface(OpticalSurface):
-    """Facets that reflect on both sides. normals : whether with their own normals or with those between their vertices."""
+    """Facets that reflect on both sides.
+
+    Parameters
+    ----------
+    mesh : the facets.
+    normals : "facets", their own normals, or "interpolated", those between their vertices.
+    """
 
     mesh: SurfaceMesh
     normals: Normals = "facets"
@@ -75,14 +81,17 @@ class MeshSurface(OpticalSurface):
 
     @property
     def normals_from(self) -> NormalsFrom:
+        """What normals are those of: the facets, or interpolated between their vertices."""
         return self.normals
 
     @property
     def facets(self) -> SurfaceMesh:
+        """The mesh."""
         return self.mesh
 
     @property
     def triangle_count(self) -> int:
+        """How many facets it is made of."""
         return len(self.mesh.faces)
 
     @cached_property
@@ -95,6 +104,7 @@ class MeshSurface(OpticalSurface):
 
     @property
     def edge_inset(self) -> float:
+        """EDGE_INSET: its points are float32's."""
         return EDGE_INSET
 
     def outline(self) -> Array:
@@ -102,6 +112,7 @@ class MeshSurface(OpticalSurface):
         return self.mesh.vertices
 
     def moved(self, motion: RigidMotion) -> MeshSurface:
+        """By its vertices; a right-hand mirror's facets are wound the other way."""
         facets = self.mesh.faces if motion.hand == "left" else np.ascontiguousarray(self.mesh.faces[:, ::-1])
         return replace(self, mesh=SurfaceMesh(motion.to_mirror(self.mesh.vertices), facets))
 
@@ -121,12 +132,14 @@ class MeshSurface(OpticalSurface):
         return not bool((counts % 2 == 0).all())
 
     def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        """The facets on that side, wound as the samples are turned, with interpolated normals."""
         turned = np.einsum("ni,ni->n", samples.areas, self.area_samples().areas) < 0.0
         facets = np.where(turned[:, None], self.mesh.faces[:, ::-1], self.mesh.faces)
         mesh = SurfaceMesh(self.mesh.vertices, facets[side])
         return MeshSurface(mesh, "interpolated"), mesh.vertices[np.unique(mesh.faces)]
 
     def interpolated(self) -> MeshSurface:
+        """The smooth surface that its vertices lie on."""
         return self if self.normals == "interpolated" else self._interpolated
 
     @cached_property
@@ -134,8 +147,10 @@ class MeshSurface(OpticalSurface):
         return replace(self, normals="interpolated")
 
     def ray_differentials(self, eye: Array, rays: Array, turns: Array, points: Array, directions: Array) -> tuple[Array, Array]:
-        """By exact rays beside: with interpolated normals `resolution_mm` apart and of the fourth order, since what is between
-        vertices is right in the mean only; with its facets', a part of its width, as far as a Newton step has to see.
+        """By exact rays beside.
+
+        With interpolated normals `resolution_mm` apart and of the fourth order, since what is between vertices is right in the
+        mean only; with its facets', a part of its width, as far as a Newton step has to see.
         """
         smooth = self.normals == "interpolated"
         x_min, x_max, _, _ = self.domain

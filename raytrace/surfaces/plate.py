@@ -28,13 +28,24 @@ STEP_MM = 1e-11
 
 
 def refract(directions: Array, normals: Array, eta: float) -> tuple[Array, Flags]:
-    """Snell's law for rays that meet a face between two media of indices n1 and n2, eta = n1/n2.
+    """Refract rays that meet a face between two media of indices n1 and n2, by Snell's law.
 
     t = η·d + (η·c − √(1 − η² + η²c²))·n with c = −d·n, n turned against the ray; 1 − η² is taken as (1 − η)(1 + η), so that
     η = 1 gives d back at grazing incidence too.
-    directions, normals : (n, 3), unit; normals of either sense.
-    Returns: unit directions (n, 3), and which rays are totally reflected (n,); the directions of those are NaN.
-    Source: Born and Wolf, Principles of Optics, section 1.5.1, in vector form.
+
+    Parameters
+    ----------
+    directions, normals : d and n, (n, 3), unit; normals of either sense.
+    eta : η = n1/n2.
+
+    Returns
+    -------
+    directions : (n, 3), unit; NaN for rays that are totally reflected.
+    total : (n,), which rays are.
+
+    References
+    ----------
+    Born and Wolf, Principles of Optics, section 1.5.1, in vector form.
     """
     along = np.einsum("ij,ij->i", directions, normals)
     c = eta * np.abs(along)
@@ -49,9 +60,16 @@ def refract(directions: Array, normals: Array, eta: float) -> tuple[Array, Flags
 class Plate(OpticalSurface):
     """Two faces with glass between them, of which the back reflects.
 
-    front : its outward side is that of the air.   back : its outward side is that of the glass.   index : of the glass
-    against air, 1 or more.
-    Raises: TraceError for an index below 1.
+    Parameters
+    ----------
+    front : its outward side is that of the air.
+    back : its outward side is that of the glass.
+    index : of the glass against air, 1 or more.
+
+    Raises
+    ------
+    TraceError
+        For an index below 1.
     """
 
     front: Face
@@ -90,10 +108,12 @@ class Plate(OpticalSurface):
 
     @property
     def glass(self) -> Plate:
+        """Itself."""
         return self
 
     @property
     def refracts(self) -> bool:
+        """Light goes through its glass."""
         return True
 
     def outline(self) -> Array:
@@ -102,10 +122,12 @@ class Plate(OpticalSurface):
 
     @property
     def rim(self) -> tuple[Curve, ...]:
+        """That of the back."""
         return self.back.rim
 
     @property
     def extends(self) -> bool:
+        """Its sheets go on."""
         return True
 
     @property
@@ -115,9 +137,11 @@ class Plate(OpticalSurface):
 
     @property
     def domain(self) -> Box:
+        """That of the back."""
         return self.back.domain
 
     def is_above(self, points: Array, margin_mm: float) -> bool:
+        """By the back."""
         return self.back.is_above(points, margin_mm)
 
     def untrimmed(self) -> Plate:
@@ -129,23 +153,38 @@ class Plate(OpticalSurface):
         return replace(self, front=self.front.untrimmed(), back=self.back.untrimmed())
 
     def uncoated(self) -> Face:
+        """The back."""
         return self.back
 
     def inset(self, margin_mm: float) -> Plate:
+        """With both loops moved inwards, on the parameters of the back."""
         if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace)):
             raise no_inset(margin_mm)
         back = self.back.inset(margin_mm)
         return replace(self, front=replace(self.front, loops=back.loops), back=back)  # both on the parameters of the back
 
     def inboard_of(self, x: float) -> Plate:
+        """Both faces cut at x."""
         if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace)):
             raise no_transition(x)
         back = self.back.inboard_of(x)
         return replace(self, front=replace(self.front, loops=back.loops), back=back)
 
     def front_at(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Points (n, 3) of the front and its unit normals towards the air, at its parameters (n,). Raises: TraceError for a
-        front that is no B-spline.
+        """Points of the front and its normals towards the air.
+
+        Parameters
+        ----------
+        u, v : (n,), its parameters.
+
+        Returns
+        -------
+        points, normals : (n, 3), mm and unit.
+
+        Raises
+        ------
+        TraceError
+            For a front that is no B-spline.
         """
         if not isinstance(self.front, BSplineFace):
             raise TraceError("the plate's front is no B-spline: its ghost is not measured")
@@ -153,10 +192,12 @@ class Plate(OpticalSurface):
         return d["s"], self.front.sign * normals(d["u"], d["v"])
 
     def moved(self, motion: RigidMotion) -> Plate:
+        """Both faces."""
         return replace(self, front=self.front.moved(motion), back=self.back.moved(motion))
 
     @property
     def looks_outward(self) -> bool:
+        """Whether the back is one-sided."""
         return self.back.one_sided
 
     def area_samples(self) -> AreaSamples:
@@ -164,18 +205,28 @@ class Plate(OpticalSurface):
         return self.back.area_samples()
 
     def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        """That of the back, which reflects."""
         return self.back.one_side(samples, side)
 
     def prepared(self) -> Plate:
+        """With both faces prepared."""
         self.front.prepared(), self.back.prepared()
         return self
 
     def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
-        """Directions (n, 3), of any length, from the eye to where the front lets rays in that are reflected at (x, y).
+        """Find the directions from an eye to where the front lets rays in that are reflected at points of the back.
 
-        By Fermat's principle: with P the place on the back and F(u, v) on the front, n·|F − P| + |F − eye| is stationary in
-        (u, v); Newton on its two derivatives, from the place right above. NaN where no such place is on the front's sheet,
-        and for faces that are no B-splines over (x, y).
+        By Fermat's principle: with P the point on the back and F(u, v) on the front, n·|F − P| + |F − eye| is stationary in
+        (u, v); Newton on its two derivatives, from the point right above.
+
+        Parameters
+        ----------
+        eye : (3,), mm.
+        x, y : (n,), mm, of the points.
+
+        Returns
+        -------
+        (n, 3), of any length; NaN where no such point is on the front's sheet, and for faces that are no B-splines over (x, y).
         """
         if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace) and self.back.is_graph):
             return np.full((len(x), 3), np.nan)

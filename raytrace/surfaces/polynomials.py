@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
-from raytrace.kernels.newton import PADDED_POWERS
+from raytrace.kernels.cells import PADDED_POWERS, Cells
+from raytrace.kernels.height_field import HeightField
+from raytrace.kernels.parametric import Patches
+from raytrace.kernels.pieces import PolynomialCells
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
@@ -28,7 +30,7 @@ CONE_MARGIN = 0.01  # for what the normals do between the samples
 
 
 def is_graph(surface: BSplineSurface) -> bool:
-    """Whether the surface is z(x, y) over its own parameters, u = x and v = y, to IDENTITY_TOLERANCE_MM."""
+    """Whether a surface is z(x, y) over its own parameters, u = x and v = y, to IDENTITY_TOLERANCE_MM."""
     if surface.weights is not None:
         return False
     x, y = surface.poles[..., 0], surface.poles[..., 1]
@@ -37,108 +39,54 @@ def is_graph(surface: BSplineSurface) -> bool:
     return bool(off <= IDENTITY_TOLERANCE_MM)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeightField:
-    """A sheet z(x, y) as polynomials about the middle of each cell, highest powers first.
+def height_field_of(surface: BSplineSurface) -> HeightField | None:
+    """Take a surface as z(x, y), where its parameters are x and y themselves.
 
-    powers : degree + 1 in both directions, padded with zeros.   coefficients : flat, of (x spans, y spans, powers, powers).
-    ends_x, ends_y : ends of the spans, then inf.   middle_x, middle_y : of the spans.   lookup_x, lookup_y : the span at the
-    start of each of many uniform bins.   top, bottom : above and below all of it.
-    steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²); 0 for a cap (z is concave), which any ray
-    from above meets first where Newton finds it.   bend : bound on the second derivative in any direction, 1/mm.
+    Parameters
+    ----------
+    surface : of any kind.
+
+    Returns
+    -------
+    None where u and v are not x and y, where the degree is above 25, and for a surface that has a crease, across which no
+    bound on the second derivative holds.
     """
-
-    powers: int
-    coefficients: Array
-    ends_x: Array
-    ends_y: Array
-    middle_x: Array
-    middle_y: Array
-    lookup_x: Index
-    lookup_y: Index
-    top: float
-    steepest: float
-    bottom: float
-    bend: float
-
-    @staticmethod
-    def of(surface: BSplineSurface) -> HeightField | None:
-        """The surface as z(x, y) where its parameters are x and y themselves; None where they are not, or where it has a
-        crease, across which no bound on the second derivative holds.
-        """
-        cells = None if _has_crease(surface) or not is_graph(surface) else _cells(surface, surface.poles[..., 2:])
-        if cells is None:
-            return None
-        z = surface.poles[..., 2]
-        return HeightField(*cells, float(z.max()) + ROOM_MM, _steepest(surface), float(z.min()) - ROOM_MM, _bend(surface))
-
-    @property
-    def arguments(self) -> tuple[object, ...]:
-        """What the kernels take of the sheet itself."""
-        return (self.coefficients, self.ends_x, self.ends_y, self.middle_x, self.middle_y, self.lookup_x, self.lookup_y)
+    cells = None if _has_crease(surface) or not is_graph(surface) else _padded_cells(surface, surface.poles[..., 2:])
+    if cells is None:
+        return None
+    z = surface.poles[..., 2]
+    return HeightField(cells, float(z.max()) + ROOM_MM, _steepest(surface), float(z.min()) - ROOM_MM, _bend(surface))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Patches:
-    """Any B-spline surface as polynomials about the middle of each cell, in coordinates about a centre of its own.
+def patches_of(surface: BSplineSurface) -> Patches | None:
+    """Take a surface as polynomials of its own parameters.
 
-    parts : 3 coordinates, or 4 homogeneous ones.   coefficients : flat, of (u spans, v spans, parts, powers, powers).
-    centre (3,) mm : what the coordinates are counted from.   extent : their largest size, mm.
-    sheet (12,) : mean normal n, sine of the cone of rays that meet the surface once only, and the affine maps from a place
-    on the plane n·x = 0 to u and to v; None where the surface is no such sheet.   closed (2,) : 1 for a direction whose two
-    ends are the same curve.
+    Parameters
+    ----------
+    surface : of any kind.
+
+    Returns
+    -------
+    None where the degree is above 25.
     """
-
-    powers: int
-    parts: int
-    coefficients: Array
-    ends_u: Array
-    ends_v: Array
-    middle_u: Array
-    middle_v: Array
-    lookup_u: Index
-    lookup_v: Index
-    centre: Array
-    extent: float
-    sheet: Array | None
-    closed: Array
-
-    @staticmethod
-    def of(surface: BSplineSurface) -> Patches | None:
-        """None where the degree is above 25."""
-        centre, extent, poles = _homogeneous(surface)
-        cells = _cells(surface, poles)
-        if cells is None:
-            return None
-        return Patches(cells[0], poles.shape[2], *cells[1:], centre, extent, _sheet(surface, centre),
-                       _closed(surface))
-
-    @property
-    def arguments(self) -> tuple[object, ...]:
-        """What the kernel takes."""
-        return (self.coefficients, self.ends_u, self.ends_v, self.middle_u, self.middle_v, self.lookup_u, self.lookup_v,
-                self.centre, self.extent)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PolynomialCells:
-    """A B-spline surface as polynomials about the middle of each cell of its knots, in coordinates about `centre` (3,), mm.
-
-    coefficients (u spans, v spans, parts, degree u + 1, degree v + 1), highest powers first; parts are 3 coordinates, or 4
-    homogeneous ones.   ends_u, ends_v, middle_u, middle_v : of the spans.   extent : largest size of a coordinate, mm.
-    """
-
-    coefficients: Array
-    ends_u: Array
-    ends_v: Array
-    middle_u: Array
-    middle_v: Array
-    centre: Array
-    extent: float
+    centre, extent, poles = _homogeneous(surface)
+    cells = _padded_cells(surface, poles)
+    if cells is None:
+        return None
+    return Patches(cells, poles.shape[2], centre, extent, _sheet(surface, centre), _closed(surface))
 
 
 def polynomial_cells(surface: BSplineSurface) -> PolynomialCells | None:
-    """The cells of any B-spline surface; None where its degree is above 25."""
+    """Take a surface as polynomials on each cell of its knots, not padded.
+
+    Parameters
+    ----------
+    surface : of any kind.
+
+    Returns
+    -------
+    None where its degree is above 25.
+    """
     if max(surface.degree_u, surface.degree_v) >= PADDED_POWERS[-1]:
         return None
     centre, extent, poles = _homogeneous(surface)
@@ -165,10 +113,8 @@ def _coefficients(surface: BSplineSurface, values: Array) -> Array:
     return np.ascontiguousarray(both.transpose(2, 0, 4, 3, 1).astype(np.float64))
 
 
-def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, Array, Array, Array, Index, Index] | None:
-    """Powers, flat coefficients, ends, middles and lookups of Σ N_i·N_j·values_ij, values (n_u, n_v, parts); None where it
-    has none.
-    """
+def _padded_cells(surface: BSplineSurface, values: Array) -> Cells | None:
+    """The cells of Σ N_i·N_j·values_ij, values (n_u, n_v, parts), as the kernels take them; None for a degree above 25."""
     coefficients = _coefficients(surface, values)
     powers = next((n for n in PADDED_POWERS if n >= max(coefficients.shape[3:])), None)
     cuts = _cuts(surface.knots_u, surface.degree_u), _cuts(surface.knots_v, surface.degree_v)
@@ -178,7 +124,7 @@ def _cells(surface: BSplineSurface, values: Array) -> tuple[int, Array, Array, A
     pad = [(0, 0), (0, 0), (0, 0), *((powers - n, 0) for n in coefficients.shape[3:])]
     ends_u, ends_v = (np.append(ends, np.inf) for ends in cuts)
     middle_u, middle_v = (_middles(ends) for ends in cuts)
-    return powers, np.pad(coefficients, pad).ravel(), ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v
+    return Cells(powers, np.pad(coefficients, pad).ravel(), ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v)
 
 
 def _cuts(knots: Array, degree: int) -> Array:
@@ -204,8 +150,9 @@ def _power_form(knots: Array, poles: Array, degree: int) -> Array:
 
 @lru_cache(maxsize=8)  # from one design to the next, mostly the knots of one direction change
 def _taylor_matrices(knots_bytes: bytes, degree: int) -> tuple[NDArray[np.intp], Array]:
-    """The knot that starts each span, and what takes the poles that live there to the powers of `_power_form`, (spans, p + 1,
-    p + 1): de Boor's algorithm on each derivative of the p + 1 splines themselves.
+    """The knot that starts each span, and what takes the poles that live there to the powers of `_power_form`.
+
+    (spans,) and (spans, p + 1, p + 1): de Boor's algorithm on each derivative of the p + 1 splines themselves.
     """
     knots = np.frombuffer(knots_bytes)
     cuts = _cuts(knots, degree)
@@ -294,8 +241,8 @@ def _closed(surface: BSplineSurface) -> Array:
     return np.array([float(distance <= same) for distance in apart])
 
 
-def _sheet(surface: BSplineSurface, centre: Array) -> Array | None:
-    """Normal, cone and affine maps of a surface that is a graph over a plane; None where it is not.
+def _sheet(surface: BSplineSurface, centre: Array) -> Array:
+    """Normal, cone and affine maps of a surface that is a graph over a plane, (12,); (0,) where it is not.
 
     It is one where, in the plane across its mean normal and after the affine map that brings the parameters nearest to the
     places, the Jacobian's symmetric part is positive definite: on a convex domain no two places then coincide.
@@ -305,14 +252,14 @@ def _sheet(surface: BSplineSurface, centre: Array) -> Array | None:
     across = np.cross(d["u"], d["v"]).reshape(-1, 3)
     length = np.linalg.norm(across, axis=1)
     if not length.min() > 0.0:
-        return None
+        return np.empty(0)
     normal = across.sum(axis=0)
     if not np.linalg.norm(normal) > 0.0:
-        return None
+        return np.empty(0)
     normal /= np.linalg.norm(normal)
     cosine = float((across @ normal / length).min())
     if cosine <= 0.0:
-        return None
+        return np.empty(0)
     cone = math.sqrt(max(0.0, 1.0 - cosine**2))
     along = np.linalg.svd(normal[None])[2][1:]  # two directions in the plane
     place = (d["s"].reshape(-1, 3) - centre) @ along.T
@@ -323,5 +270,5 @@ def _sheet(surface: BSplineSurface, centre: Array) -> Array | None:
     product = np.einsum("nij,kj->nik", jacobian, maps[1:])  # ∂place/∂(mapped place)
     symmetric = 0.5 * (product + product.transpose(0, 2, 1))
     if cone > WIDEST_CONE or not np.linalg.eigvalsh(symmetric).min() > 0.0:
-        return None
+        return np.empty(0)
     return np.concatenate([normal, [cone + CONE_MARGIN], [maps[0, 0]], maps[1:, 0] @ along, [maps[0, 1]], maps[1:, 1] @ along])

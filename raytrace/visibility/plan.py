@@ -38,8 +38,9 @@ def visible_intervals(edge: Edge, axis: Axis, values: Array, height_mm: float = 
     Parameters
     ----------
     edge : of what the eye sees reflecting.
-    axis : 0 for lines X = value, 1 for lines Y = value, in the plane Z = height_mm.
+    axis : 0 for lines X = value, 1 for lines Y = value.
     values : (n,), mm, rising.
+    height_mm : of the plane over the ground, mm.
     host : what hides; None for nothing.
     low, high : mm, between which the lines are looked at.
 

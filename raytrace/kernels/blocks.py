@@ -1,0 +1,231 @@
+"""Rays in blocks of sixteen, as the kernels that need no search take them, and their results.
+
+Each kernel takes a run of rays on one thread and gives up the interpreter lock; `raytrace.parallel` hands out the runs.
+Arrays of vectors come flat (x, y, z, x, …): numba then knows that they are contiguous. The kernels are compiled without
+reference counts (_nrt), which took a third of the time, and need their working arrays from outside.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.kernels.compiled import compiled
+from raytrace.kernels.outcomes import BEHIND, HIT, INVALID
+
+Array = NDArray[np.float64]
+
+BLOCK = 16  # rays taken at once: each step of the arithmetic is one short loop over them, which becomes vector instructions
+
+# Rows of a block's working array, as offsets into it: ray, parameters, surface and results. A literal offset from one array
+# is what lets LLVM see that the rows do not overlap.
+OX, OY, OZ, DX, DY, DZ, T, X, Y, Z, ZX, ZY, LIMIT, MISS, V0, V1, V2, NX, NY, NZ, RX, RY, RZ = (BLOCK * k for k in range(23))
+# More of them, for parametric surfaces: two directions across the ray, parameters, and P, P_u, P_v in up to four
+# homogeneous coordinates, each kept (K) and as last evaluated (P).
+AX, AY, AZ, BX, BY, BZ, U, V, LAST, LIMIT_P = (BLOCK * k for k in range(23, 33))
+P, K = BLOCK * 33, BLOCK * 45
+MAX_ROWS = 57
+CACHE_LINE = 8  # numbers
+
+
+class Results(NamedTuple):
+    """Of n rays, flat; see `raytrace.rays.Trace`."""
+
+    status: NDArray[np.int8]
+    points: Array
+    normals: Array
+    directions: Array
+    distances: Array
+
+    def of_rays(self, start: int, stop: int) -> Results:
+        """Those of rays start … stop, in the same memory."""
+        if start == 0 and stop == len(self.status):
+            return self
+        three = slice(3 * start, 3 * stop)
+        return Results(self.status[start:stop], self.points[three], self.normals[three], self.directions[three],
+                       self.distances[start:stop])
+
+
+class Work(NamedTuple):
+    """A thread's working arrays: the rows of a block, what becomes of its rays, and a paraboloid."""
+
+    rows: Array
+    state: NDArray[np.int8]
+    paraboloid: Array
+
+
+_own = threading.local()
+
+
+def work() -> Work:
+    """The calling thread's working arrays, made once.
+
+    They begin where a cache line does, which is worth 3 % of the time, and share none with another thread's.
+    """
+    found: Work | None = getattr(_own, "work", None)
+    if found is None:
+        memory = np.zeros(MAX_ROWS * BLOCK + 4 * CACHE_LINE)
+        memory = memory[-(memory.ctypes.data // 8) % CACHE_LINE:]
+        rows, paraboloid, state = np.split(memory, [MAX_ROWS * BLOCK, MAX_ROWS * BLOCK + CACHE_LINE])
+        found = _own.work = Work(rows, state.view(np.int8)[:BLOCK], paraboloid)
+    return found
+
+
+@compiled(_nrt=False)
+def at(index):
+    """The same index, known not to be negative.
+
+    numba then does not look for one that counts from the end, and the loop becomes vector instructions. (A slice would do the
+    same, at the price of two atomic reference counts.)
+    """
+    return np.int64(np.uint32(index))
+
+
+@compiled(_nrt=False)
+def clamp(x, low, high):
+    """The number, or the nearer of two ends."""
+    return min(max(x, low), high)
+
+
+@compiled(_nrt=False)
+def box(w, first, second):
+    """Smallest and largest value of two rows, halved and halved again: a plain reduction would go one by one.
+
+    A NaN may give anything: indices made of it are clamped.
+    """
+    for m in range(BLOCK // 2):
+        a, b, c, d = w[first + m], w[first + BLOCK // 2 + m], w[second + m], w[second + BLOCK // 2 + m]
+        w[V0 + m], w[V1 + m], w[V2 + m], w[RX + m] = min(a, b), max(a, b), min(c, d), max(c, d)
+    for m in range(BLOCK // 4):
+        k = BLOCK // 4 + m
+        w[V0 + m], w[V1 + m] = min(w[V0 + m], w[V0 + k]), max(w[V1 + m], w[V1 + k])
+        w[V2 + m], w[RX + m] = min(w[V2 + m], w[V2 + k]), max(w[RX + m], w[RX + k])
+    a_low, a_high, b_low, b_high = w[V0], w[V1], w[V2], w[RX]
+    for m in range(1, BLOCK // 4):
+        a_low, a_high = min(a_low, w[V0 + m]), max(a_high, w[V1 + m])
+        b_low, b_high = min(b_low, w[V2 + m]), max(b_high, w[RX + m])
+    return a_low, a_high, b_low, b_high
+
+
+@compiled(_nrt=False)
+def unit(directions, n, w, m):
+    """Ray n to unit length into lane m, whatever its length; False where it has no direction."""
+    x, y, z = directions[3 * n], directions[3 * n + 1], directions[3 * n + 2]
+    largest = max(abs(x), max(abs(y), abs(z)))
+    if not (largest > 0.0 and largest < np.inf and abs(x) >= 0.0 and abs(y) >= 0.0 and abs(z) >= 0.0):
+        return False
+    # 2^−1074 … 2^1024: their squares over- and underflow. A power of two scales without rounding.
+    scale = 1.0 if 1e-100 < largest < 1e100 else 2.0 ** (-np.floor(np.log2(largest)))
+    x, y, z = x * scale, y * scale, z * scale
+    length = np.sqrt(x * x + y * y + z * z)
+    w[DX + m], w[DY + m], w[DZ + m] = x / length, y / length, z / length
+    return True
+
+
+@compiled(_nrt=False)
+def load(origins, directions, start, count, w):
+    """Rays start … start + count into the first lanes; the lanes after them repeat the last ray.
+
+    Returns how many have no length of their own that a square root can take: `fix_degenerate_rays` has to look at them.
+    """
+    k = at(3 * start)
+    if count == BLOCK:
+        for m in range(BLOCK):
+            w[DX + m], w[DY + m], w[DZ + m] = directions[k + 3 * m], directions[k + 3 * m + 1], directions[k + 3 * m + 2]
+    else:
+        for m in range(BLOCK):
+            n = at(k + 3 * min(m, count - 1))
+            w[DX + m], w[DY + m], w[DZ + m] = directions[n], directions[n + 1], directions[n + 2]
+    if origins.size == 3:
+        for m in range(BLOCK):
+            w[OX + m], w[OY + m], w[OZ + m] = origins[0], origins[1], origins[2]
+    else:
+        for m in range(BLOCK):
+            n = at(k + 3 * min(m, count - 1))
+            w[OX + m], w[OY + m], w[OZ + m] = origins[n], origins[n + 1], origins[n + 2]
+    odd = 0
+    for m in range(BLOCK):
+        square = w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m] + w[DZ + m] * w[DZ + m]
+        scale = 1.0 / np.sqrt(square)
+        w[DX + m] *= scale
+        w[DY + m] *= scale
+        w[DZ + m] *= scale
+        finite = abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]) < np.inf
+        odd += 1 - int((square > 1e-200) & (square < 1e200) & finite)
+    return odd
+
+
+@compiled(_nrt=False)
+def fix_degenerate_rays(directions, start, count, w, state):
+    """The lanes of a block in which some ray is degenerate: HIT for those with a direction, INVALID for the others.
+
+    Those that are INVALID are given an origin and a direction.
+    """
+    for m in range(BLOCK):
+        n = start + min(m, count - 1)
+        finite = abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]) < np.inf
+        if finite and unit(directions, n, w, m):
+            state[m] = HIT
+        else:
+            state[m] = INVALID
+            w[OX + m] = w[OY + m] = w[OZ + m] = w[DX + m] = w[DY + m] = 0.0
+            w[DZ + m] = -1.0
+
+
+@compiled(_nrt=False)
+def reflect(w):
+    """r = d − 2(d·n)n."""
+    for m in range(BLOCK):
+        twice = 2.0 * (w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m])
+        w[RX + m] = w[DX + m] - twice * w[NX + m]
+        w[RY + m] = w[DY + m] - twice * w[NY + m]
+        w[RZ + m] = w[DZ + m] - twice * w[NZ + m]
+
+
+@compiled(_nrt=False)
+def store_all(w, start, results):
+    """A block of which every ray hits."""
+    status, points, normals, reflected, distances = results
+    k, n = at(3 * start), at(start)
+    for m in range(BLOCK):
+        points[k + 3 * m], points[k + 3 * m + 1], points[k + 3 * m + 2] = w[X + m], w[Y + m], w[Z + m]
+    for m in range(BLOCK):
+        normals[k + 3 * m], normals[k + 3 * m + 1], normals[k + 3 * m + 2] = w[NX + m], w[NY + m], w[NZ + m]
+    for m in range(BLOCK):
+        reflected[k + 3 * m], reflected[k + 3 * m + 1], reflected[k + 3 * m + 2] = w[RX + m], w[RY + m], w[RZ + m]
+    for m in range(BLOCK):
+        distances[n + m] = w[T + m]
+        status[n + m] = HIT
+
+
+@compiled(_nrt=False)
+def store(w, state, start, count, results):
+    """A block ray by ray: NaN in every result of a ray that does not hit, but the distance of one from behind."""
+    status, points, normals, reflected, distances = results
+    for m in range(count):
+        n = start + m
+        status[n] = state[m]
+        if state[m] == HIT:
+            points[3 * n], points[3 * n + 1], points[3 * n + 2] = w[X + m], w[Y + m], w[Z + m]
+            normals[3 * n], normals[3 * n + 1], normals[3 * n + 2] = w[NX + m], w[NY + m], w[NZ + m]
+            reflected[3 * n], reflected[3 * n + 1], reflected[3 * n + 2] = w[RX + m], w[RY + m], w[RZ + m]
+            distances[n] = w[T + m]
+        else:
+            for c in range(3 * n, 3 * n + 3):
+                points[c] = normals[c] = reflected[c] = np.nan
+            distances[n] = w[T + m] if state[m] == BEHIND else np.nan
+
+
+@compiled(nogil=True)
+def unit_directions(rays, units, valid):
+    """Rays (n, 3) of any length to unit length; those without a direction become (0, 0, 1) and not valid."""
+    w = np.zeros(6 * BLOCK)
+    for n in range(rays.shape[0]):
+        valid[n] = unit(rays[n], 0, w, 0)
+        if valid[n]:
+            units[n, 0], units[n, 1], units[n, 2] = w[DX], w[DY], w[DZ]
+        else:
+            units[n, 0], units[n, 1], units[n, 2] = 0.0, 0.0, 1.0

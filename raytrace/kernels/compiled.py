@@ -1,0 +1,45 @@
+"""How kernels are compiled: by numba, once for each machine, and anew when the source of any of them changes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+
+@cache
+def sources() -> str:
+    """A digest of the sources of all kernels: of every file in this folder."""
+    found = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function of this folder with numba, with division as numpy has it, and keep it in numba's cache.
+
+    By itself the cache looks at nothing but the function's own file, and would not notice a change in a kernel that it calls
+    from another one. Here it compares `sources` too.
+
+    Parameters
+    ----------
+    **options : of `numba.njit`.
+
+    Returns
+    -------
+    Decorator
+    """
+    def wrap(function: Callable[..., Any]) -> Any:
+        dispatcher = njit(cache=True, error_model="numpy", **options)(function)
+        # numba's own names; should a later version have others, its cache goes by the function's own file again.
+        index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+        if hasattr(index, "_source_stamp"):
+            index._source_stamp = (index._source_stamp, sources())
+        return dispatcher
+
+    return wrap

@@ -1,0 +1,329 @@
+"""Newton for rays that meet a height field z(x, y) once, sixteen at a time, in float64."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.kernels.blocks import (
+    BLOCK,
+    DX,
+    DY,
+    DZ,
+    LIMIT,
+    MISS,
+    NX,
+    NY,
+    NZ,
+    OX,
+    OY,
+    OZ,
+    V0,
+    V1,
+    V2,
+    ZX,
+    ZY,
+    Results,
+    T,
+    X,
+    Y,
+    Z,
+    at,
+    box,
+    clamp,
+    fix_degenerate_rays,
+    load,
+    reflect,
+    store,
+    store_all,
+    work,
+)
+from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, horner, span, taylor
+from raytrace.kernels.compiled import compiled
+from raytrace.kernels.outcomes import ACCEPTED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
+from raytrace.kernels.trimming import Strips, in_interior, inside
+
+Array = NDArray[np.float64]
+
+SHALLOWEST = 0.05  # −d_z below which the plane above the sheet is no good place to start from
+
+
+class HeightField(NamedTuple):
+    """A sheet z(x, y), mm, with what says how rays can meet it.
+
+    Attributes
+    ----------
+    cells : z as polynomials of u = x and v = y.
+    top, bottom : above and below all of it, mm.
+    steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²); 0 for a cap (z is concave), which any ray
+        from above meets first where Newton finds it.
+    bend : bound on the second derivative in any direction, 1/mm.
+    """
+
+    cells: Cells
+    top: float
+    steepest: float
+    bottom: float
+    bend: float
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max, w):
+    """z, z_x, z_y of one cell's polynomial, whose coefficients begin at base, at (X, Y) into the rows Z, ZX, ZY."""
+    base = at(base)
+    for m in range(BLOCK):
+        x, y = clamp(w[X + m], x_min, x_max), clamp(w[Y + m], y_min, y_max)
+        a, b = x - centre_x, y - centre_y
+        z, z_a, z_b = horner(powers, flat, base, a, b)
+        w[Z + m] = z + z_a * (w[X + m] - x) + z_b * (w[Y + m] - y)
+        w[ZX + m] = z_a
+        w[ZY + m] = z_b
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _evaluate_apart(powers, cells, w):
+    """`_evaluate` for rays that each have a cell of their own."""
+    flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
+    for m in range(BLOCK):
+        x, y = clamp(w[X + m], ends_x[0], ends_x[-2]), clamp(w[Y + m], ends_y[0], ends_y[-2])
+        i, j = span(x, ends_x, cells.lookup_u), span(y, ends_y, cells.lookup_v)
+        a, b = x - cells.middle_u[i], y - cells.middle_v[j]
+        base = (i * (ends_y.size - 2) + j) * powers * powers
+        z, z_a, z_b = horner(powers, flat, base, a, b)
+        w[Z + m] = z + z_a * (w[X + m] - x) + z_b * (w[Y + m] - y)
+        w[ZX + m] = z_a
+        w[ZY + m] = z_b
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _osculate(powers, cells, w, q):
+    """Move the paraboloid q to where the block's middle ray meets the sheet."""
+    c = BLOCK // 2
+    slope = w[DZ + c] - q[1] * w[DX + c] - q[2] * w[DY + c]
+    t = (q[0] + q[1] * (w[OX + c] - q[6]) + q[2] * (w[OY + c] - q[7]) - w[OZ + c]) / slope
+    a, b = w[OX + c] + t * w[DX + c] - q[6], w[OY + c] + t * w[DY + c] - q[7]
+    z = q[0] + a * (q[1] + q[3] * a + q[4] * b) + b * (q[2] + q[5] * b)
+    slope -= (2.0 * q[3] * a + q[4] * b) * w[DX + c] + (q[4] * a + 2.0 * q[5] * b) * w[DY + c]
+    t -= (w[OZ + c] + t * w[DZ + c] - z) / slope
+    taylor(powers, cells, w[OX + c] + t * w[DX + c], w[OY + c] + t * w[DY + c], q)
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def _from_paraboloid(w, q):
+    """Take every ray to the paraboloid q: by its tangent plane, then twice with the same slope."""
+    z0, zx, zy, zxx, zxy, zyy, x, y = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
+    for m in range(BLOCK):
+        p, r, h = w[OX + m] - x, w[OY + m] - y, w[OZ + m] - z0
+        dx, dy, dz = w[DX + m], w[DY + m], w[DZ + m]
+        inverse = 1.0 / (dz - zx * dx - zy * dy)
+        t = (zx * p + zy * r - h) * inverse
+        for _ in range(2):
+            a, b = p + t * dx, r + t * dy
+            t = t - (h + t * dz - a * (zx + zxx * a + zxy * b) - b * (zy + zyy * b)) * inverse
+        w[T + m] = t
+        w[X + m], w[Y + m] = w[OX + m] + t * dx, w[OY + m] + t * dy
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def _from_above(top, w):
+    """Take every ray to the plane above the sheet."""
+    for m in range(BLOCK):
+        t = (top - w[OZ + m]) / w[DZ + m]
+        w[T + m] = t
+        w[X + m], w[Y + m] = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m]
+
+
+def _kernel(powers):
+    """The kernel for `powers` = degree + 1 in both directions."""
+    @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+    def hits(w, q, state, field, strips, origins, directions, results):
+        cells, steepest = field.cells, field.steepest
+        flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
+        n_rays = directions.size // 3
+        last_x, last_y = ends_x.size - 3, ends_y.size - 3
+        x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
+        near_x, near_y = (x_max - x_min) / 32.0, (y_max - y_min) / 32.0
+        warm = False
+        cell = 0  # the last one that held a whole block, and its ends
+        cell_left, cell_right, cell_bottom, cell_top = np.inf, -np.inf, np.inf, -np.inf
+        for start in range(0, n_rays, BLOCK):
+            count = min(BLOCK, n_rays - start)
+            degenerate = load(origins, directions, start, count, w)
+            if degenerate > 0:
+                fix_degenerate_rays(directions, start, count, w, state)
+            shallow = 0  # rays that do not come down steeply enough, or could meet the sheet twice
+            for m in range(BLOCK):
+                across = w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m]
+                shallow += 1 - int((w[DZ + m] <= -SHALLOWEST) & (w[DZ + m] * w[DZ + m] > steepest * across))
+            if shallow > 0:
+                for m in range(BLOCK):
+                    if degenerate == 0:
+                        state[m] = HIT
+                    across = w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m]
+                    if not (w[DZ + m] <= -SHALLOWEST and w[DZ + m] * w[DZ + m] > steepest * across):
+                        state[m] = LOST
+                        w[DX + m] = w[DY + m] = 0.0
+                        w[DZ + m] = -1.0
+                degenerate += shallow
+            # In a picture the block before is the best place to begin; else the plane above the sheet.
+            for _ in range(2):
+                if warm:
+                    _osculate(powers, cells, w, q)
+                    _from_paraboloid(w, q)
+                else:
+                    _from_above(field.top, w)
+                x_low, x_high, y_low, y_high = box(w, X, Y)
+                together = x_high - x_low < near_x and y_high - y_low < near_y
+                if together == warm:
+                    break
+                if together:
+                    taylor(powers, cells, w[X + BLOCK // 2], w[Y + BLOCK // 2], q)
+                    _osculate(powers, cells, w, q)
+                warm = together
+            for m in range(BLOCK):
+                limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
+                w[LIMIT + m] = limit * limit
+                w[MISS + m] = np.inf
+            for _ in range(MAX_STEPS):
+                for m in range(BLOCK):
+                    w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
+                x_low, x_high, y_low, y_high = box(w, X, Y)
+                if x_low >= cell_left and x_high < cell_right and y_low >= cell_bottom and y_high < cell_top:
+                    i_low = i_high = cell // (last_y + 1)
+                    j_low = j_high = cell - i_low * (last_y + 1)
+                    covered = 1
+                else:
+                    i_low = span(clamp(x_low, x_min, x_max), ends_x, cells.lookup_u)
+                    i_high = span(clamp(x_high, x_min, x_max), ends_x, cells.lookup_u)
+                    j_low = span(clamp(y_low, y_min, y_max), ends_y, cells.lookup_v)
+                    j_high = span(clamp(y_high, y_min, y_max), ends_y, cells.lookup_v)
+                    covered = (i_high - i_low + 1) * (j_high - j_low + 1)
+                    if covered == 1:
+                        cell = i_low * (last_y + 1) + j_low
+                        cell_left = ends_x[i_low] if i_low > 0 else -np.inf
+                        cell_right = ends_x[i_low + 1] if i_low < last_x else np.inf
+                        cell_bottom = ends_y[j_low] if j_low > 0 else -np.inf
+                        cell_top = ends_y[j_low + 1] if j_low < last_y else np.inf
+                if covered > MAX_CELLS:
+                    _evaluate_apart(powers, cells, w)
+                else:
+                    for i in range(i_low, i_high + 1):
+                        for j in range(j_low, j_high + 1):
+                            base = (i * (last_y + 1) + j) * powers * powers
+                            _evaluate(powers, flat, base, cells.middle_u[i], cells.middle_v[j], x_min, x_max, y_min,
+                                      y_max, w)
+                            if covered > 1:  # each ray keeps the last cell that starts before it
+                                from_x = ends_x[i] if i > i_low else -np.inf
+                                from_y = ends_y[j] if j > j_low else -np.inf
+                                for m in range(BLOCK):
+                                    mine = (w[X + m] >= from_x) & (w[Y + m] >= from_y)
+                                    w[V0 + m] = w[Z + m] if mine else w[V0 + m]
+                                    w[V1 + m] = w[ZX + m] if mine else w[V1 + m]
+                                    w[V2 + m] = w[ZY + m] if mine else w[V2 + m]
+                    if covered > 1:
+                        for m in range(BLOCK):
+                            w[Z + m], w[ZX + m], w[ZY + m] = w[V0 + m], w[V1 + m], w[V2 + m]
+                moving = 0
+                for m in range(BLOCK):
+                    above = w[OZ + m] + w[T + m] * w[DZ + m] - w[Z + m]
+                    w[T + m] -= above / (w[DZ + m] - w[ZX + m] * w[DX + m] - w[ZY + m] * w[DY + m])
+                    # Squares: of the height, of the limit, and of the height over the distance from the tangent plane.
+                    miss = above * above
+                    limit = w[LIMIT + m] * (1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m])
+                    # Not "larger than": a NaN moves on, too.
+                    moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])))
+                    w[MISS + m] = miss
+                if moving == 0:
+                    break
+            good = 0
+            for m in range(BLOCK):
+                w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
+                w[Z + m] = w[OZ + m] + w[T + m] * w[DZ + m]
+                steep = 1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m]
+                upright = 1.0 / np.sqrt(steep)
+                w[NX + m], w[NY + m], w[NZ + m] = -w[ZX + m] * upright, -w[ZY + m] * upright, upright
+                facing = w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m]
+                met = (w[MISS + m] <= ACCEPTED * ACCEPTED * w[LIMIT + m] * steep) & (w[T + m] > NEAREST_MM) & (facing < 0.0)
+                w[MISS + m] = 0.0 if met else 1.0
+                good += int(met)
+            x_low, x_high, y_low, y_high = box(w, X, Y)
+            reflect(w)
+            if good == BLOCK and degenerate == 0 and count == BLOCK \
+                    and in_interior(strips.interior, strips.low, strips.inverse_height, x_low, x_high, y_low, y_high):
+                store_all(w, start, results)
+                continue
+            for m in range(BLOCK):
+                if degenerate > 0 and state[m] != HIT:
+                    continue
+                # Beyond its rectangle the sheet's continuation is not the sheet: what is met there says nothing of before.
+                if w[MISS + m] != 0.0 or not (x_min <= w[X + m] <= x_max and y_min <= w[Y + m] <= y_max):
+                    state[m] = LOST
+                elif inside(strips, w[X + m], w[Y + m]):
+                    state[m] = HIT
+                else:
+                    state[m] = OUTSIDE
+            store(w, state, start, count, results)
+
+    return hits
+
+
+_KERNELS = {powers: _kernel(powers) for powers in PADDED_POWERS}
+
+
+def hits(field: HeightField, strips: Strips, origins: Array, directions: Array, results: Results) -> None:
+    """Trace rays to a height field by Newton on f(t) = o_z + t·d_z − z(o_x + t·d_x, o_y + t·d_y), BLOCK rays at once.
+
+    It starts from the plane above the sheet or, for rays that lie together, from the paraboloid that osculates the sheet
+    between them. A step is the last where |f|·n_z, the distance from the tangent plane, is rounding. Beyond its rectangle
+    the sheet goes on as the tangent plane at the nearest edge.
+
+    Rays that do not come down steeply enough to meet the sheet only once (d_z² > steepest·(d_x² + d_y²)), do not
+    converge, arrive from below or start beneath it are LOST: `raytrace.kernels.height_field_search` takes them.
+
+    Parameters
+    ----------
+    field : the sheet.
+    strips : of its trimming.
+    origins, directions : (3,) or (3n,), mm, and (3n,), of any length, flat.
+    results : of the n rays.
+    """
+    rows, state, paraboloid = work()
+    _KERNELS[field.cells.powers](rows, paraboloid, state, field, strips, origins, directions, results)
+
+
+@compiled(nogil=True)
+def tensors(cells, points, normals, out):
+    """Write the derivative N of the unit normal along a sheet z(x, y).
+
+    N = −±Π·H·Π/w with w = √(1 + z_x² + z_y²), Π = 1 − nn and H the second derivatives, in x and y.
+
+    Parameters
+    ----------
+    cells : of the sheet.
+    points, normals : (n, 3), mm and unit, the normals of either sense.
+    out : (n, 3, 3), 1/mm; NaN for points that are not numbers.
+    """
+    q, h, p = np.empty(8), np.zeros((3, 3)), np.empty((3, 3))
+    for n in range(points.shape[0]):
+        x, y = points[n, 0], points[n, 1]
+        if not (np.isfinite(x) and np.isfinite(y)):
+            out[n] = np.nan
+            continue
+        taylor(cells.powers, cells, x, y, q)
+        w = np.sqrt(1.0 + q[1] * q[1] + q[2] * q[2])
+        m = (-q[1] / w, -q[2] / w, 1.0 / w)
+        along = m[0] * normals[n, 0] + m[1] * normals[n, 1] + m[2] * normals[n, 2]
+        scale = (-1.0 if along >= 0.0 else 1.0) / w
+        h[0, 0], h[0, 1], h[1, 0], h[1, 1] = 2.0 * q[3] * scale, q[4] * scale, q[4] * scale, 2.0 * q[5] * scale
+        for i in range(3):
+            for j in range(3):
+                p[i, j] = (1.0 if i == j else 0.0) - m[i] * m[j]
+        for i in range(3):
+            for j in range(3):
+                value = 0.0
+                for k in range(2):
+                    for r in range(2):
+                        value += p[i, k] * h[k, r] * p[r, j]
+                out[n, i, j] = value

@@ -1,0 +1,288 @@
+"""Newton for rays that meet a B-spline surface S(u, v) once, sixteen at a time, in float64."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.kernels.blocks import (
+    AX,
+    AY,
+    AZ,
+    BLOCK,
+    BX,
+    BY,
+    BZ,
+    DX,
+    DY,
+    DZ,
+    LAST,
+    LIMIT_P,
+    MISS,
+    NX,
+    NY,
+    NZ,
+    OX,
+    OY,
+    OZ,
+    K,
+    P,
+    Results,
+    T,
+    U,
+    V,
+    X,
+    Y,
+    Z,
+    at,
+    box,
+    clamp,
+    fix_degenerate_rays,
+    load,
+    reflect,
+    store,
+    store_all,
+    work,
+)
+from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, horner, span
+from raytrace.kernels.compiled import compiled
+from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
+from raytrace.kernels.trimming import Strips, in_interior, inside
+
+Array = NDArray[np.float64]
+
+
+class Patches(NamedTuple):
+    """Any B-spline surface, as polynomials in coordinates about a centre of its own.
+
+    Attributes
+    ----------
+    cells : of the coordinates.
+    parts : 3 coordinates, or 4 homogeneous ones.
+    centre : (3,), mm, what the coordinates are counted from.
+    extent : their largest size, mm.
+    sheet : (12,), mean normal n, sine of the cone of rays that meet the surface once only, and the affine maps from a place on
+        the plane n·x = 0 to u and to v; (0,) where the surface is no such sheet.
+    closed : (2,), 1 for a direction whose two ends are the same curve.
+    """
+
+    cells: Cells
+    parts: int
+    centre: Array
+    extent: float
+    sheet: Array
+    closed: Array
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _evaluate_parts(powers, parts, flat, base, centre_u, centre_v, w):
+    """One cell's polynomials, whose coefficients begin at base, and their derivatives at (U, V) into the rows P."""
+    base = at(base)
+    for part in range(parts):
+        for m in range(BLOCK):
+            a, b = w[U + m] - centre_u, w[V + m] - centre_v
+            value, along_u, along_v = horner(powers, flat, base + part * powers * powers, a, b)
+            w[P + 3 * part * BLOCK + m] = value
+            w[P + (3 * part + 1) * BLOCK + m] = along_u
+            w[P + (3 * part + 2) * BLOCK + m] = along_v
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _evaluate_parts_apart(powers, parts, cells, w):
+    """`_evaluate_parts` for rays that each have a cell of their own."""
+    flat, ends_u, ends_v = cells.coefficients, cells.ends_u, cells.ends_v
+    for m in range(BLOCK):
+        u, v = clamp(w[U + m], ends_u[0], ends_u[-2]), clamp(w[V + m], ends_v[0], ends_v[-2])
+        i, j = span(u, ends_u, cells.lookup_u), span(v, ends_v, cells.lookup_v)
+        a, b = w[U + m] - cells.middle_u[i], w[V + m] - cells.middle_v[j]
+        base = (i * (ends_v.size - 2) + j) * parts * powers * powers
+        for part in range(parts):
+            value, along_u, along_v = horner(powers, flat, base + part * powers * powers, a, b)
+            w[P + 3 * part * BLOCK + m] = value
+            w[P + (3 * part + 1) * BLOCK + m] = along_u
+            w[P + (3 * part + 2) * BLOCK + m] = along_v
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _surface(powers, parts, cells, w):
+    """S, S_u, S_v at (U, V) into the first nine rows P."""
+    flat, ends_u, ends_v = cells.coefficients, cells.ends_u, cells.ends_v
+    u_low, u_high, v_low, v_high = box(w, U, V)
+    i_low = span(clamp(u_low, ends_u[0], ends_u[-2]), ends_u, cells.lookup_u)
+    i_high = span(clamp(u_high, ends_u[0], ends_u[-2]), ends_u, cells.lookup_u)
+    j_low = span(clamp(v_low, ends_v[0], ends_v[-2]), ends_v, cells.lookup_v)
+    j_high = span(clamp(v_high, ends_v[0], ends_v[-2]), ends_v, cells.lookup_v)
+    covered = (i_high - i_low + 1) * (j_high - j_low + 1)
+    if covered > MAX_CELLS:
+        _evaluate_parts_apart(powers, parts, cells, w)
+    else:
+        for i in range(i_low, i_high + 1):
+            for j in range(j_low, j_high + 1):
+                base = (i * (ends_v.size - 2) + j) * parts * powers * powers
+                _evaluate_parts(powers, parts, flat, base, cells.middle_u[i], cells.middle_v[j], w)
+                if covered > 1:  # each ray keeps the last cell that starts before it
+                    from_u = ends_u[i] if i > i_low else -np.inf
+                    from_v = ends_v[j] if j > j_low else -np.inf
+                    for m in range(BLOCK):
+                        if w[U + m] >= from_u and w[V + m] >= from_v:
+                            for row in range(3 * parts):
+                                w[K + row * BLOCK + m] = w[P + row * BLOCK + m]
+        if covered > 1:
+            for k in range(3 * parts * BLOCK):
+                w[P + k] = w[K + k]
+    if parts == 4:
+        for part in range(3):
+            for m in range(BLOCK):
+                weight = w[P + 9 * BLOCK + m]
+                value = w[P + 3 * part * BLOCK + m] / weight
+                w[P + 3 * part * BLOCK + m] = value
+                w[P + (3 * part + 1) * BLOCK + m] = (w[P + (3 * part + 1) * BLOCK + m]
+                                                     - w[P + 10 * BLOCK + m] * value) / weight
+                w[P + (3 * part + 2) * BLOCK + m] = (w[P + (3 * part + 2) * BLOCK + m]
+                                                     - w[P + 11 * BLOCK + m] * value) / weight
+
+
+def _kernel(powers, parts):
+    """The kernel for surfaces in `parts` coordinates (3, or 4 homogeneous ones) with `powers` = degree + 1 both ways."""
+    @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+    def hits(w, state, patches, strips, sign, one_sided, origins, directions, results):
+        cells, centre, sheet, closed = patches.cells, patches.centre, patches.sheet, patches.closed
+        ends_u, ends_v = cells.ends_u, cells.ends_v
+        n_rays = directions.size // 3
+        u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
+        # A step may leave the surface by a little, where the end polynomials go on; not by more.
+        beyond_u, beyond_v = 0.05 * (u_max - u_min), 0.05 * (v_max - v_min)
+        # On a closed surface it goes on at the other side of the seam.
+        turn_u, turn_v = closed[0] * (u_max - u_min), closed[1] * (v_max - v_min)
+        sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
+        for start in range(0, n_rays, BLOCK):
+            count = min(BLOCK, n_rays - start)
+            degenerate = load(origins, directions, start, count, w)
+            if degenerate > 0:
+                fix_degenerate_rays(directions, start, count, w, state)
+            for m in range(BLOCK):
+                w[OX + m] -= centre[0]
+                w[OY + m] -= centre[1]
+                w[OZ + m] -= centre[2]
+                w[LIMIT_P + m] = RESIDUAL * (patches.extent + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
+            # From the plane through the sheet, by the affine map that is nearest to its parameters.
+            shallow = 0
+            for m in range(BLOCK):
+                down = sheet[0] * w[DX + m] + sheet[1] * w[DY + m] + sheet[2] * w[DZ + m]
+                t = -(sheet[0] * w[OX + m] + sheet[1] * w[OY + m] + sheet[2] * w[OZ + m]) / down
+                x, y, z = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m], w[OZ + m] + t * w[DZ + m]
+                w[U + m] = sheet[4] + sheet[5] * x + sheet[6] * y + sheet[7] * z
+                w[V + m] = sheet[8] + sheet[9] * x + sheet[10] * y + sheet[11] * z
+                shallow += 1 - int(abs(down) > sheet[3])
+            if shallow > 0:
+                for m in range(BLOCK):
+                    if degenerate == 0:
+                        state[m] = HIT
+                    down = sheet[0] * w[DX + m] + sheet[1] * w[DY + m] + sheet[2] * w[DZ + m]
+                    if not abs(down) > sheet[3]:
+                        state[m] = LOST
+                        w[DX + m], w[DY + m], w[DZ + m] = -sheet[0], -sheet[1], -sheet[2]
+                degenerate += shallow
+            # Two directions across the ray: of the axes that are not nearest to it, and of the cross product with that.
+            for m in range(BLOCK):
+                dx, dy, dz = w[DX + m], w[DY + m], w[DZ + m]
+                to_z = abs(dz) < 0.9
+                ax, ay, az = (dy, -dx, 0.0) if to_z else (0.0, dz, -dy)
+                length = np.sqrt(ax * ax + ay * ay + az * az)
+                ax, ay, az = ax / length, ay / length, az / length
+                w[AX + m], w[AY + m], w[AZ + m] = ax, ay, az
+                w[BX + m], w[BY + m], w[BZ + m] = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
+                w[LAST + m] = np.inf
+                w[U + m] = clamp(w[U + m], u_min - beyond_u, u_max + beyond_u)
+                w[V + m] = clamp(w[V + m], v_min - beyond_v, v_max + beyond_v)
+            for step in range(MAX_STEPS):
+                _surface(powers, parts, cells, w)
+                moving = 0
+                for m in range(BLOCK):
+                    x, y, z = w[sx + m] - w[OX + m], w[sy + m] - w[OY + m], w[sz + m] - w[OZ + m]
+                    f = w[AX + m] * x + w[AY + m] * y + w[AZ + m] * z
+                    g = w[BX + m] * x + w[BY + m] * y + w[BZ + m] * z
+                    miss = np.sqrt(f * f + g * g)
+                    settled = (miss <= w[LIMIT_P + m]) \
+                        | ((miss <= ACCEPTED * w[LIMIT_P + m]) & (miss >= 0.5 * w[LAST + m]))
+                    w[LAST + m] = miss
+                    w[NX + m], w[NY + m] = f, g
+                    moving += 1 - int(settled)
+                if moving == 0 or step == MAX_STEPS - 1:
+                    break
+                for m in range(BLOCK):
+                    ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
+                    vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
+                    fu = w[AX + m] * ux + w[AY + m] * uy + w[AZ + m] * uz
+                    fv = w[AX + m] * vx + w[AY + m] * vy + w[AZ + m] * vz
+                    gu = w[BX + m] * ux + w[BY + m] * uy + w[BZ + m] * uz
+                    gv = w[BX + m] * vx + w[BY + m] * vy + w[BZ + m] * vz
+                    inverse = 1.0 / (fu * gv - fv * gu)
+                    u = w[U + m] - (w[NX + m] * gv - w[NY + m] * fv) * inverse
+                    v = w[V + m] - (w[NY + m] * fu - w[NX + m] * gu) * inverse
+                    u += turn_u * (1.0 if u < u_min else 0.0) - turn_u * (1.0 if u > u_max else 0.0)
+                    v += turn_v * (1.0 if v < v_min else 0.0) - turn_v * (1.0 if v > v_max else 0.0)
+                    w[U + m] = clamp(u, u_min - beyond_u, u_max + beyond_u)
+                    w[V + m] = clamp(v, v_min - beyond_v, v_max + beyond_v)
+            good = 0
+            for m in range(BLOCK):
+                x, y, z = w[sx + m], w[sy + m], w[sz + m]
+                ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
+                vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
+                nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+                length = np.sqrt(nx * nx + ny * ny + nz * nz)
+                facing = sign * (nx * w[DX + m] + ny * w[DY + m] + nz * w[DZ + m])
+                turn = sign / length if facing <= 0.0 else -sign / length
+                w[NX + m], w[NY + m], w[NZ + m] = nx * turn, ny * turn, nz * turn
+                w[T + m] = (x - w[OX + m]) * w[DX + m] + (y - w[OY + m]) * w[DY + m] + (z - w[OZ + m]) * w[DZ + m]
+                w[X + m], w[Y + m], w[Z + m] = x + centre[0], y + centre[1], z + centre[2]
+                w[MISS + m] = facing
+                good += int((w[LAST + m] <= ACCEPTED * w[LIMIT_P + m]) & (length > 0.0) & (w[T + m] > NEAREST_MM)
+                            & ((facing < 0.0) | (not one_sided)))
+            u_low, u_high, v_low, v_high = box(w, U, V)
+            reflect(w)
+            if good == BLOCK and degenerate == 0 and count == BLOCK \
+                    and in_interior(strips.interior, strips.low, strips.inverse_height, u_low, u_high, v_low, v_high):
+                store_all(w, start, results)
+                continue
+            for m in range(BLOCK):
+                if degenerate > 0 and state[m] != HIT:
+                    continue
+                u, v = w[U + m], w[V + m]
+                if not (w[LAST + m] <= ACCEPTED * w[LIMIT_P + m] and abs(w[NX + m]) <= 1.0):
+                    state[m] = LOST
+                elif w[T + m] > NEAREST_MM and inside(strips, u, v):
+                    state[m] = BEHIND if one_sided and w[MISS + m] >= 0.0 else HIT
+                elif not u_min <= u <= u_max or not v_min <= v <= v_max:
+                    state[m] = LOST  # only within its domain is the sheet known to be met once
+                else:
+                    state[m] = OUTSIDE
+            store(w, state, start, count, results)
+
+    return hits
+
+
+_KERNELS = {(powers, parts): _kernel(powers, parts) for powers in PADDED_POWERS for parts in (3, 4)}
+
+
+def hits(patches: Patches, strips: Strips, sign: float, one_sided: bool, origins: Array, directions: Array, results: Results,
+         ) -> None:
+    """Trace rays to a sheet by Newton for S(u, v) on the line o + t·d: a·(S − o) = b·(S − o) = 0 with a, b ⟂ d.
+
+    Rays within the sheet's cone (|d·n| > sheet[3]) meet it in one place only: Newton starts from the sheet's affine map of
+    where the ray meets the plane n·x = 0. Converged means that S is off the ray by rounding only. The other rays, and those
+    that do not converge or meet the sheet beyond its domain, are LOST: `raytrace.kernels.first_hit` takes them. Normals look
+    back along the ray.
+
+    Parameters
+    ----------
+    patches : of a sheet.
+    strips : of its trimming.
+    sign, one_sided : S_u × S_v times sign is outward; whether rays from the other side are BEHIND.
+    origins, directions : (3,) or (3n,), mm, and (3n,), of any length, flat.
+    results : of the n rays.
+    """
+    rows, state, _ = work()
+    _KERNELS[patches.cells.powers, patches.parts](rows, state, patches, strips, sign, one_sided, origins, directions, results)

@@ -1,0 +1,86 @@
+"""Kernels: what numba's cache holds of them is as new as the sources of all of them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytrace.kernels import compiled
+from raytrace.kernels.blocks import BLOCK, MAX_ROWS, work
+from raytrace.kernels.trees import entered, inverse, tree_of
+
+KERNELS = Path(compiled.__file__).parent
+CALLED = """from raytrace.kernels.compiled import compiled
+
+
+@compiled()
+def constant():
+    return {}
+"""
+CALLS = """from raytrace.kernels.called import constant
+from raytrace.kernels.compiled import compiled
+
+
+@compiled()
+def twice():
+    return 2 * constant()
+"""
+
+
+def of_twice(home: Path) -> int:
+    """What a new process finds."""
+    found = subprocess.run(
+        [sys.executable, "-c",
+         "from raytrace.kernels.calls import twice; print(twice(), sum(twice.stats.cache_hits.values()))"],
+        check=True, capture_output=True, text=True, cwd=home, env={**os.environ, "PYTHONPATH": str(home)})
+    value, hits = found.stdout.split()
+    return int(value), int(hits)
+
+
+def test_a_change_in_a_kernel_that_another_calls_is_noticed(tmp_path: Path) -> None:
+    package = tmp_path / "raytrace" / "kernels"
+    package.mkdir(parents=True)
+    for folder in (package, package.parent):
+        (folder / "__init__.py").write_text("")
+    (package / "compiled.py").write_bytes((KERNELS / "compiled.py").read_bytes())
+    (package / "calls.py").write_text(CALLS)
+    (package / "called.py").write_text(CALLED.format(3))
+    assert of_twice(tmp_path) == (6, 0)
+    assert of_twice(tmp_path) == (6, 1)  # from the cache
+    (package / "called.py").write_text(CALLED.format(5))
+    assert of_twice(tmp_path) == (10, 0)
+
+
+def test_a_threads_rows_begin_where_a_cache_line_does() -> None:
+    rows, state, paraboloid = work()
+    assert rows.size == MAX_ROWS * BLOCK
+    assert rows.ctypes.data % 64 == 0
+    assert paraboloid.ctypes.data % 64 == 0
+    assert state.size == BLOCK
+    assert work().rows is rows
+
+
+@pytest.mark.parametrize("direction", [(0.6, -0.8, 0.0), (0.0, 0.0, 1.0), (-0.36, 0.48, -0.8)])
+def test_a_ray_enters_the_boxes_of_a_tree_where_it_enters_their_slabs(direction: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(2)
+    low = rng.uniform(-50.0, 50.0, (300, 3))
+    boxes = np.concatenate([low, low + rng.uniform(1.0, 30.0, (300, 3))], axis=1)
+    tree, order = tree_of(boxes)
+    assert sorted(order) == list(range(300))
+    leaves = tree.links[tree.links[:, 1] > 0]
+    assert leaves[:, 1].sum() == 300
+    np.testing.assert_array_equal(tree.boxes[0], [*boxes[:, :3].min(axis=0), *boxes[:, 3:].max(axis=0)])
+    ix, iy, iz = (inverse(each) for each in direction)
+    for k, box in enumerate(boxes):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.stack([box[:3], box[3:]]) / np.array(direction)
+        through = np.array(direction) != 0.0
+        near, far = ends.min(axis=0)[through].max(), ends.max(axis=0)[through].min()
+        between = ((box[:3] <= 0.0) & (box[3:] >= 0.0))[~through].all()
+        wanted = near if between and near <= far and far > 0.0 else np.inf
+        assert entered(boxes, k, 0.0, 0.0, 0.0, ix, iy, iz, np.inf) == pytest.approx(wanted, rel=1e-14, abs=1e-12)
