@@ -299,6 +299,43 @@ def inspect(data: list[Path], /, *, against: str, align: Literal["none", "321", 
 
 
 @app.command
+def compensate(data: list[Path], /, *, against: str, mould: Path | None = None, gain: float = 1.0, springback: float = 1.0,
+               shrink_percent: float = 0.0, offset_mm: float = 0.0,
+               align: Literal["none", "321", "best-fit"] = "best-fit", sigma_mm: float | None = None, out: Out = None,
+               json: Json = False) -> int:
+    """Work out the next mould from measured mirrors of the last one: what they deviate by is taken away from it.
+
+    Parameters
+    ----------
+    data
+        Points of one or more mirrors of one mould, a file each.
+    against
+        The design: a preset, a specification, or a STEP file.
+    mould
+        STEP file of the mould that they were made on; without it the one that follows from the design.
+    gain
+        How much of the deviation is taken away at once.
+    springback
+        By how much the glass follows a change of its mould; 1 is wholly.
+    shrink_percent
+        By how much the mould is larger than the glass that comes from it.
+    offset_mm
+        The glass between the mould and the optical face: its thickness, where the mould lies behind it.
+    align
+        How the points are laid on the design, as for `inspect`. A best fit hides what a motion of the mirror would look like.
+    sigma_mm
+        Standard uncertainty of a point along the surface's normal; from the points' own scatter without it.
+    """
+    _start_reader([*data, Path(against), *([] if mould is None else [mould])])
+    from mirror_studio.inspect.compensate import Asked
+    from mirror_studio.inspect.compensate import compensate as run
+    from mirror_studio.progress import Progress
+
+    asked = Asked(tuple(data), against, mould, gain, springback, shrink_percent, offset_mm, align, sigma_mm)
+    return _finish(run(asked, out or Path("exports") / f"{data[0].stem}-mould", Progress()), (), json)
+
+
+@app.command
 def measures(*, json: Json = False) -> int:
     """List the measures by name: unit, what they are of, and their definitions; the figures of rules after them."""
     from mirror_studio.rules.figures import rule_figures_known

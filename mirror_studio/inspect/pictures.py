@@ -74,6 +74,20 @@ def turn_maps(found: Inspection, turn: Array, sigma: Array) -> bytes:
     return _row(found, [("turn of the ray, arcmin", turn, False), ("sigma of the turn, arcmin", sigma, False)], width=0.5)
 
 
+def correction_maps(found: Inspection, deviation: Array, correction: Array, sigma: Array | None) -> bytes:
+    """What mirrors deviate by and what a mould is changed by; PNG.
+
+    Parameters
+    ----------
+    found : Inspection
+        One of the mirrors.
+    deviation, correction, sigma : ndarray
+        (k,), mm, at the lattice's places; the sigma of the mean, where there are several mirrors.
+    """
+    maps = [("deviation, µm", 1e3 * deviation, True), ("correction, µm", 1e3 * correction, True)]
+    return _row(found, maps if sigma is None else [*maps, ("sigma of the mean, µm", 1e3 * sigma, False)], width=0.7)
+
+
 def _unit(found: Inspection) -> str:
     return "1/m" if found.fields.flat else "%"
 

@@ -59,19 +59,20 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
     notes : tuple of str
         What a user should know.
     """
-    pictures = [(_png(form_maps(found)), "Measured minus designed after alignment, along z: height, and the angle between the "
+    pictures = [(png_uri(form_maps(found)), "Measured minus designed after alignment, along z: height, and the angle between "
+                                            "the "
                  "normals, each with its sigma. Grey: not measured."),
-                (_png(curvature_maps(found)), f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, "
+                (png_uri(curvature_maps(found)), f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, "
                                               "convex "
                  "positive. Near the rim the gauge does not stand whole, and what is left of its disc tells less; these places "
                  "count for no figure above."),
-                (_png(sigma_maps(found)), "How sure that is: one sigma.")]
+                (png_uri(sigma_maps(found)), "How sure that is: one sigma.")]
     seen = [] if view is None else [SeenRow(
         each.title, each.unit, fixed(each.designed, each.decimals), fixed(each.measured, each.decimals),
         MISSING if each.interval is None else " to ".join(fixed(end, each.decimals) for end in each.interval))
         for each in view.measures]
     shown = None if view is None else [(_jpeg(view.designed_jpeg), "As designed"), (_jpeg(view.measured_jpeg), "As measured")]
-    turns = None if view is None else _png(turn_maps(found, view.turn, view.turn_sigma))
+    turns = None if view is None else png_uri(turn_maps(found, view.turn, view.turn_sigma))
     page = templates().get_template("inspect.html.j2").render(
         title=title, facts=facts, verdict=verdict_in_words(verdict, found), rows=rows(figures, found.fields.flat),
         pictures=pictures, notes=notes, seen=seen, shown=shown, turns=turns, gauge=plain(found.fields.gauge_mm))
@@ -163,5 +164,12 @@ def _jpeg(data: bytes) -> str:
     return f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"
 
 
-def _png(data: bytes) -> str:
+def png_uri(data: bytes) -> str:
+    """A picture as an address that a page embeds.
+
+    Parameters
+    ----------
+    data : bytes
+        Of the PNG.
+    """
     return f"data:image/png;base64,{base64.b64encode(data).decode()}"
