@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from scipy.spatial import cKDTree
 
 from mirror_cad.surfaces.quadric import Quadric
 from mirror_studio.rules.ground import RequiredGround, hidden_share, missing_ground, seen_lines
 from mirror_studio.rules.schema import FieldSection, load_rule
 from raytrace.reflector import Reflector
 from raytrace.surfaces.quadric import QuadricFace
+from raytrace.trace import reflect
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
@@ -236,3 +238,68 @@ def test_two_eyes_of_random_mirrors(seed: int) -> None:
 def test_two_eyes_of_five_hundred_random_mirrors() -> None:
     for seed in range(500):
         check_two_eyes(seed)
+
+
+# --- and by brute force -----------------------------------------------------------------------------------------------
+
+GRID = 61  # rays a direction over the mirror
+NEAR_END_MM = 1e-3  # of a field's end: there rays of a grid, which lie inside the mirror, may land on either side of rounding
+
+
+def check_against_rays(seed: int) -> tuple[int, float]:
+    """A grid of rays from each eye over the mirror, forward to the ground: each lands in what is told to be seen on its line,
+    and the ends of what is told lie no farther from the nearest landed rays than these are from each other. Nothing of the
+    search for ends or image points is in it. Returns how many rays landed, and the largest gap in shares of a spacing."""
+    random = np.random.default_rng(10_000 + seed)
+    r, tube = random.uniform(400.0, 2000.0, 2)
+    half = 80.0, 100.0
+    shape = [lambda: sphere(r, 160.0, 200.0), lambda: plane(160.0, 200.0), lambda: torus(r, tube, 160.0, 200.0)][seed % 3]()
+    pair = views(shape, random.uniform(10.0, 35.0), random.uniform(-10.0, 2.0))
+    landed, widest = 0, 0.0
+    lines = []
+    for view in pair:
+        edge = half if seed % 3 else (r * np.sin(half[0] / r), r * np.sin(half[1] / r))
+        x, y = ((1.0 - 1e-7) * np.linspace(-each, each, GRID) for each in edge)  # 10 nm inside
+        places = np.stack(np.meshgrid(x, y), axis=2).reshape(-1, 2)
+        eye = view.eye_in_mirror
+        on_mirror = shape.surface.points_over(places[:, 0].copy(), places[:, 1].copy())
+        trace = reflect(shape, eye, on_mirror - eye)
+        start, way = view.pose.to_vehicle(trace.points), view.pose.directions_to_vehicle(trace.directions)
+        down = (trace.status == 0) & (way[:, 2] < 0.0)
+        ground = start[down] - (start[down, 2] / way[down, 2])[:, None] * way[down]
+        ground = ground[(ground[:, 0] > 1000.0) & (ground[:, 0] < 80_000.0) & (np.abs(ground[:, 1]) < 500_000.0)]
+        lines.append(ground[np.argsort(ground[:, 0])])
+    for number, ground in enumerate(lines):
+        seen = seen_lines(edge_of(pair[0]), edge_of(pair[1]), ground[:, 0])
+        spans = (seen.left, seen.right)[number]
+        inside = np.zeros(len(ground), dtype=np.bool_)
+        for k in range(len(ground)):
+            ends = spans.of(k)
+            inside[k] = bool(((ends[:, 0] - NEAR_END_MM <= ground[k, 1]) & (ground[k, 1] <= ends[:, 1] + NEAR_END_MM)).any())
+            assert inside[k], (seed, number, ground[k], ends)
+        landed += len(ground)
+        if len(ground) < 200:
+            continue
+        # The other way round: an end of what is seen has a landed ray near by, as near as the grid is fine there.
+        tree = cKDTree(ground[:, :2])
+        spacing = tree.query(ground[:, :2], 2)[0][:, 1]
+        for k in range(0, len(ground), max(1, len(ground) // 60)):
+            for low, high in spans.of(k):
+                for y_end in (low, high):
+                    if abs(y_end) < 400_000.0 and 1500.0 < ground[k, 0] < 40_000.0:
+                        away, nearest = tree.query([ground[k, 0], y_end])
+                        widest = max(widest, float(away / max(spacing[nearest], 1.0)))
+    return landed, widest
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rays_of_a_grid_land_in_what_is_seen(seed: int) -> None:
+    landed, widest = check_against_rays(seed)
+    assert landed > 100
+    assert widest < 40.0
+
+
+@pytest.mark.long
+def test_rays_of_five_hundred_grids_land_in_what_is_seen() -> None:
+    landed = sum(check_against_rays(seed)[0] for seed in range(500))
+    assert landed > 500_000

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 
 import pytest
 
+from mirror_cad.mirror import design
+from mirror_cad.spec.file import load_spec
 from mirror_studio.rules.run import Asked, measured_mirror, scene_with_eyes
 from mirror_studio.rules.schema import load_rule
 from mirror_studio.rules.verdicts import judged
@@ -59,3 +62,32 @@ def test_rule_of_the_page(tmp_path: Path) -> None:
     assert [each.limit for each in rule.lines_of("II") if each.quantity == "radius_r_mm"] == [(1250.0, float("inf"))]
     assert len(rule.lines_of("II")) == len(base.lines_of("II"))
     assert rule.lines_of("IV")[0].limit == base.lines_of("IV")[0].limit
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("preset", ["progressive-c", "european-aspheric", "sphere-1250"])
+def test_all_classes_of_all_rules_of_a_step_file_take_two_seconds(preset: str, tmp_path: Path) -> None:
+    """Of the processor, once the kernels are there: the machine is shared."""
+    path, scene = tmp_path / f"{preset}.step", scene_with_eyes("motorway")
+    design(load_spec(preset)).export_step(path)
+    rules = [load_rule(name) for name in ("R46", "GB15084", "FMVSS111", "r46-04")]
+    for _ in range(2):
+        begun, lines = time.process_time(), 0
+        _, measured = measured_mirror(Asked(str(path), "R46", None, "motorway"), rules[0], scene)
+        for rule in rules:
+            of = measured.by_rule(rule)
+            lines += sum(len(judged(of, name)) for name in rule.classes)
+        taken = time.process_time() - begun
+    assert lines > 150
+    assert taken < 2.0
+
+
+def test_another_rule_measures_the_same_as_by_itself() -> None:
+    """What is taken over from the first rule is what the second finds alone, and its own readings are its own."""
+    _, first = measured_mirror(Asked("sphere-1250", "R46", None, "motorway"), load_rule("R46"), scene_with_eyes("motorway"))
+    judged(first, "VII"), judged(first, "II")
+    for name, kind in (("FMVSS111", "passenger"), ("GB15084", "II")):
+        rule = load_rule(name)
+        _, alone = measured_mirror(Asked("sphere-1250", name, None, "motorway"), rule, scene_with_eyes("motorway"))
+        assert [each.as_json() for each in judged(first.by_rule(rule), kind)] == [each.as_json() for each in judged(alone, kind)]
+    assert len(first.by_rule(load_rule("FMVSS111")).radii.at) == 5

@@ -68,7 +68,8 @@ def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[
                                     for text, of in loaded.items() for each in of))] if any(loaded.values()) else []),
              ("Not looked at", f"{_not_looked_at(measured, adjustment, loaded)}edges, mounts and marks")]
     page = templates().get_template("rules.html.j2").render(
-        title=f"{mirror.name}: {rule.rule}, class {mirror.class_name}", facts=facts, rows=[row_of(line) for line in lines],
+        title=f"{mirror.name}: {rule.rule}, class {mirror.class_name}", facts=facts,
+        rows=[row_of(line, rule.wording) for line in lines],
         fields=fields)
     path.write_text(page, encoding="utf-8")
 
@@ -83,8 +84,11 @@ def _not_looked_at(measured: Measured, adjustment: Adjustment | None, loaded: Ma
     return "".join(f"{what}, " for what, there in left if not there)
 
 
-def row_of(line: RuleLine) -> Row:
-    """A line in words and rounded figures; margins that rounding would hide keep their digits."""
+def row_of(line: RuleLine, wording: str = "") -> Row:
+    """A line in words and rounded figures; margins that rounding would hide keep their digits.
+
+    wording : what stands above the lines already, and is not said again.
+    """
     asked, decimals = line.asked, DECIMALS[line.asked.unit]
     least, most = (end if np.isfinite(end) else None for end in line.limit)
     least = least if least != 0.0 or most is None else None  # sizes and shares have no less
@@ -98,7 +102,8 @@ def row_of(line: RuleLine) -> Row:
     paragraph = asked.paragraph + ("" if asked.paragraph_checked == "read" else " (?)")
     return Row(paragraph, asked.text, asked.measured, fixed(line.value, _fine(line, decimals)), limit,
                fixed(line.margin, _fine(line, decimals), sign=True), asked.unit if asked.unit != "1" else "", line.verdict,
-               CHECKED[asked.checked], line.notes)
+               CHECKED[asked.checked],
+               tuple("left open by the wording above" if note == wording else note for note in line.notes))
 
 
 def _digits(value: float) -> int:
@@ -141,7 +146,7 @@ def plan(found: MissingGround, host: HostVehicle | None = None) -> Markup:
     middle = float(at(np.zeros((1, 2)))[0, 1])
     axis = (f'<line x1="{LEFT_PX:g}" y1="{middle:.2f}" x2="{WIDTH_PX:g}" y2="{middle:.2f}" '
             'style="stroke:#9aa5ae;stroke-dasharray:6 6"/>')
-    text = 'style="font:22px sans-serif;fill:#5a6573"'
+    text = 'style="font:18px sans-serif;fill:#5a6573"'
     ticks = []
     for value in _ticks(low[0], high[0], X_TICKS):
         x_px = float(at(np.array([[1e3 * value, 0.0]]))[0, 0])
