@@ -179,3 +179,46 @@ def test_dial_error_as_sae_has_it() -> None:
 def test_foot_beside_the_sheet_is_said() -> None:
     with pytest.raises(ReadingError, match="shorter --leg-mm"):
         _ = measured(torus(1400.0, 1100.0), leg_mm=280.0).radii
+
+
+@pytest.mark.parametrize("at", [-60.0, -10.0, 23.0, 30.0, 90.0])
+@pytest.mark.parametrize("leg_mm", [12.0, 38.1])
+def test_european_aspheric_reads_its_own_curve(at: float, leg_mm: float) -> None:
+    """y = R − √(R² − x²) + k(x − a)³ beyond a (UN R46, 2.1.1.10), with 40 digits: the feet by roots of the curve's equation, the
+    radius that of the circle through the three points. The instrument gets heights above the touching line, rounded."""
+    import mpmath as mp
+
+    with mp.workdps(40):
+        big, k, a, x0 = mp.mpf(1250), mp.mpf("2.33046e-6"), mp.mpf(23), mp.mpf(at)
+
+        def curve(x: mp.mpf) -> mp.mpf:
+            return -(big - mp.sqrt(big**2 - x**2) + (k * (x - a) ** 3 if x > a else 0))
+
+        slope = -(x0 / mp.sqrt(big**2 - x0**2) + (3 * k * (x0 - a) ** 2 if x0 > a else 0))
+        length = mp.sqrt(1 + slope**2)
+
+        def along_and_up(x: mp.mpf) -> tuple[mp.mpf, mp.mpf]:
+            dx, dz = x - x0, curve(x) - curve(x0)
+            return (dx + slope * dz) / length, (dz - slope * dx) / length
+
+        def root(f: object, near: mp.mpf) -> mp.mpf:
+            return mp.findroot(f, (near - 1, near + 1), solver="secant", tol=1e-60, maxsteps=60)
+
+        def heights(along: Array) -> Array:
+            with mp.workdps(40):
+                return np.array([[float(along_and_up(root(lambda x, s=s: along_and_up(x)[0] - mp.mpf(float(s)),
+                                                          x0 + mp.mpf(float(s)) / length))[1]) for s in row] for row in along])
+
+        def foot(reach: mp.mpf, side: int) -> mp.mpf:
+            return root(lambda x: mp.hypot(x - x0, curve(x) - curve(x0)) - reach, x0 + side * reach / length)
+
+        def apart(reach: mp.mpf) -> mp.mpf:
+            low, high = foot(reach, -1), foot(reach, 1)
+            return mp.hypot(high - low, curve(high) - curve(low)) - mp.mpf(leg_mm)
+
+        reach = mp.findroot(apart, (mp.mpf(leg_mm) / 2, mp.mpf(leg_mm) / 2 * mp.mpf("1.001")), tol=1e-50)
+        p, q, r = ((x - x0, curve(x) - curve(x0)) for x in (foot(reach, -1), x0, foot(reach, 1)))
+        sides = [mp.hypot(u[0] - v[0], u[1] - v[1]) for u, v in ((p, q), (q, r), (r, p))]
+        twice_area = abs((q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1]))
+        wanted = float(sides[0] * sides[1] * sides[2] / (2 * twice_area))
+    assert readings(heights, 1, leg_mm)[0] == pytest.approx(wanted, abs=CLOSED_MM)

@@ -20,7 +20,7 @@ from mirror_studio.rules.measuring import NOTHING_TOLD, Measured, Mounted, Told
 from mirror_studio.rules.obstruction import FLAT_MM, Body, Piece
 from mirror_studio.rules.of_spec import told_of
 from mirror_studio.rules.schema import RuleFile, load_rule
-from mirror_studio.rules.settings import Load, adjusted, under_load
+from mirror_studio.rules.settings import Load, adjusted, check_adjustment, under_load
 from mirror_studio.rules.sheet import Mirror, write_sheet
 from mirror_studio.rules.verdicts import RuleLine, judged
 from mirror_studio.scene_file import SceneFile, load_scene
@@ -62,6 +62,8 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
     for key, value in (("", asked.told.reflectance_percent), ("night-", asked.told.reflectance_night_percent)):
         if value is not None and not 0.0 <= value <= 100.0:
             raise SpecError(f"--reflectance-{key}percent {value:g}: must be from 0 to 100")
+    if asked.adjust_deg is not None:
+        check_adjustment(asked.adjust_deg, scene is not None)
     if asked.class_name is None:
         progress.step(f"{rule.rule}: class {class_name}, for none was given; the classes are {', '.join(rule.classes)}")
     with new_set(out) as folder:

@@ -92,10 +92,7 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
     SpecError
         For a range that is none, a mirror on no vehicle, and a class without fields.
     """
-    if not 0.0 < within_deg <= MOST_DEG:
-        raise SpecError(f"--adjust-deg {within_deg:g}: must be above 0 and at most {MOST_DEG:g}")
-    if m.mounted is None:
-        raise SpecError("--adjust-deg needs --vehicle: fields of vision are those of a mirror on one")
+    check_adjustment(within_deg, m.mounted is not None)
     fields = [line.field for line in applying(m, class_name) if line.quantity == "field_missing_m2" and line.field is not None]
     if not fields:
         raise SpecError(f"--adjust-deg: class {class_name} of {m.rule.rule} asks for no field of vision")
@@ -128,6 +125,14 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
             break
     found = Adjustment(within_deg, float(yaw), float(pitch), margin(yaw, pitch) / 1e3, *(ranges or (None, None)))
     return turned_by(m, float(yaw), float(pitch)), found
+
+
+def check_adjustment(within_deg: float, on_vehicle: bool) -> None:
+    """Raises: SpecError for a range that is none, and for a mirror on no vehicle."""
+    if not 0.0 < within_deg <= MOST_DEG:
+        raise SpecError(f"--adjust-deg {within_deg:g}: must be above 0 and at most {MOST_DEG:g}")
+    if not on_vehicle:
+        raise SpecError("--adjust-deg needs --vehicle: fields of vision are those of a mirror on one")
 
 
 def turned_by(m: Measured, yaw_deg: float, pitch_deg: float) -> Measured:
