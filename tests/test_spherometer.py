@@ -184,8 +184,8 @@ def test_foot_beside_the_sheet_is_said() -> None:
 @pytest.mark.parametrize("at", [-60.0, -10.0, 23.0, 30.0, 90.0])
 @pytest.mark.parametrize("leg_mm", [12.0, 38.1])
 def test_european_aspheric_reads_its_own_curve(at: float, leg_mm: float) -> None:
-    """y = R − √(R² − x²) + k(x − a)³ beyond a (UN R46, 2.1.1.10), with 40 digits: the feet by roots of the curve's equation, the
-    radius that of the circle through the three points. The instrument gets heights above the touching line, rounded."""
+    """y = R − √(R² − x²) + k(x − a)³ beyond a (UN R46, 2.1.1.10), with 40 digits: the feet by roots of the curve's equation,
+    the radius that of the circle through the three points. The instrument gets heights above the touching line, rounded."""
     import mpmath as mp
 
     with mp.workdps(40):
