@@ -110,8 +110,9 @@ def test_a_users_program_reads_without_a_guard_of_its_own(way: str, tmp_path: Pa
 
 
 WAITS = """
-import os, sys, threading, time
+import signal, time
 from mirror_cad.guarded import GuardedProcess
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job of a shell has it ignored
 child = GuardedProcess()
 print(child.call("os:getpid", seconds=60.0), flush=True)
 try:
