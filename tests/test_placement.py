@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -343,6 +344,9 @@ def test_what_has_no_extent_is_refused() -> None:
 
 # A difference of differences of rays over a thousandth of the width: it keeps half of the digits.
 RATE = "max_rate_percent_per_mm"
+# Where a smooth function is largest is known to the root of its rounding: a motion's 1e-13, over some 100 mm.
+PLACE = re.compile(r"_at_mm\.[01]$")
+PLACE_MM = 3e-5
 
 
 @pytest.mark.long
@@ -356,4 +360,5 @@ def test_every_figure_of_trace_and_drive_at_twenty_places(tmp_path: Path) -> Non
             first = home.setdefault(file.name, (traced, driven))
             assert differences(first[0], traced, 1e-9) == []
             left = differences(first[1], driven, 1e-9)
-            assert [key for key, one, other in left if not (key.endswith(RATE) and abs(one - other) < 1e-6 * abs(one))] == []
+            assert [key for key, one, other in left if not (key.endswith(RATE) and abs(one - other) < 1e-6 * abs(one)) and not (
+                PLACE.search(key) and abs(one - other) < PLACE_MM)] == []

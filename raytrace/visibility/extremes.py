@@ -1,4 +1,4 @@
-"""Functions over what is shown of a mirror: their largest values, inside and along its edge, refined to 1e-6 of them."""
+"""Functions over what is shown of a mirror: their largest values, inside and along its edge, refined to 1e-9 of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-REFINED = 2e-7  # of a value: what its neighbourhood still changes it by when it is done
+REFINED = 1e-9  # of a value: what its neighbourhood still changes it by when it is done
 ROUNDS = 10
 SQUARE = 9  # samples a direction about a place inside; each round leaves a quarter of its size
 ON_EDGE = 33  # samples of a piece of the edge; each round leaves a sixteenth
