@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated, TypeGuard
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.functional_validators import BeforeValidator, PlainValidator
 
+from mirror_cad.errors import SpecError
+from mirror_cad.messages import faults
+
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
 else:
@@ -25,9 +28,6 @@ class _SectionType(ModelMetaclass):
         try:
             return super().__call__(*values, **keys)
         except (ValidationError, OverflowError) as error:
-            from mirror_cad.errors import SpecError
-            from mirror_cad.spec.messages import faults
-
             raise SpecError(faults(error, keys, cls, cls.__name__)) from None  # type: ignore[arg-type]  # cls is a Section
 
 

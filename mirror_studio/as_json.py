@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
+
+from mirror_studio.json_types import Json, JsonObject
 
 if TYPE_CHECKING:
     from mirror_cad.deviation import Deviation, StageDeviation
@@ -25,11 +27,8 @@ if TYPE_CHECKING:
         TraceMetrics,
     )
     from mirror_studio.build.wanted import TargetFigures
-    from mirror_studio.report.verdict_table import Requirement
+    from mirror_studio.report.requirement import Requirement
     from raytrace.placement import Placement
-
-Json: TypeAlias = bool | int | float | str | Sequence["Json"] | Mapping[str, "Json"] | None
-JsonObject: TypeAlias = Mapping[str, Json]
 
 CURVATURES = ("k1", "k2", "kx", "ky", "twist", "shape")
 

@@ -14,7 +14,7 @@ from cyclopts import App, CycloptsError, Parameter
 from mirror_studio import interrupt
 
 if TYPE_CHECKING:
-    from mirror_studio.as_json import JsonObject
+    from mirror_studio.json_types import JsonObject
 
 DONE, FAILED, BAD_INPUT, MISSED = 0, 1, 2, 3
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from mirror_cad.laws.words import plain
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import actual_in_words
-from mirror_studio.report.verdict_table import Requirement
 
 
 def missed_in_words(rows: Sequence[Requirement]) -> tuple[str, ...]:

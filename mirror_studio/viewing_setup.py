@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirror_cad.mirror import Mirror
 from mirror_cad.spec import MirrorSpec
 from raytrace.measures.in_use import MirrorInUse
-from raytrace.measures.lane import Lane, StraightLane
+from raytrace.measures.straight_lane import Lane, StraightLane
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import Picture, ReferencePlane
 from raytrace.viewing.eye import eye_position

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from raytrace.errors import SceneError, TraceError
     from raytrace.load import load_reflector
     from raytrace.measures.in_use import MirrorInUse
-    from raytrace.measures.lane import Lane
+    from raytrace.measures.straight_lane import Lane
     from raytrace.placement import Placement
     from raytrace.rays import Rays, Status, Trace
     from raytrace.reflector import Reflector
@@ -46,7 +46,8 @@ add_source(_all_measures)
 # Loaded when first asked for, so that importing the package costs nothing: name -> module below this one.
 _HOME = {
     "Aim": "viewing.aim", "DriverView": "driver_picture", "EyeViews": "viewing.eye_views", "Eyes": "viewing.vehicle",
-    "HostVehicle": "viewing.vehicle", "Lane": "measures.lane", "MirrorInUse": "measures.in_use", "Placement": "placement",
+    "HostVehicle": "viewing.vehicle", "Lane": "measures.straight_lane",
+    "MirrorInUse": "measures.in_use", "Placement": "placement",
     "Pose": "viewing.pose", "Rays": "rays", "Reflector": "reflector", "SceneError": "errors", "Status": "rays", "Trace": "rays",
     "TraceError": "errors", "TracedRays": "viewing.view", "View": "viewing.view", "aimed": "viewing.aim",
     "driver_view": "driver_picture", "load_reflector": "load", "measures": "measures", "reflect": "trace",

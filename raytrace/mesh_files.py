@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from mirror_cad.errors import FileError
 from mirror_cad.mesh import SurfaceMesh
-from raytrace import polygon_mesh
 from raytrace.errors import TraceError
 from raytrace.obj_file import read_obj
 from raytrace.off_file import read_off
 from raytrace.pictures import Decoded
 from raytrace.ply_file import read_ply
-from raytrace.polygon_mesh import PolygonMesh
+from raytrace.polygon_mesh import FARTHEST, PolygonMesh, cut, misplaced, parts_of
 
 if TYPE_CHECKING:
     from raytrace.mtl_file import Placed
@@ -61,11 +60,11 @@ def read_mesh(path: Path) -> SurfaceMesh:
         raise TraceError(f"{path}: a mesh is read from {', '.join(MESH_KINDS)}, not from {kind or 'a file without ending'!r}")
     if kind in POLYGON_KINDS:
         mesh = _polygons(path, kind)
-        cut = polygon_mesh.cut(path, mesh, MAX_TRIANGLES)
-        if cut.crossed:
-            raise FileError(f"{path}: the outline of {cut.crossed} of its polygons crosses itself: what they cover is not "
-                            "defined; export triangles")
-        return _merged(mesh.vertices, mesh.corners[cut.corners])
+        triangles = cut(path, mesh, MAX_TRIANGLES)
+        if triangles.crossed:
+            raise FileError(f"{path}: the outline of {triangles.crossed} of its polygons crosses itself: what they cover is "
+                            "not defined; export triangles")
+        return _merged(mesh.vertices, mesh.corners[triangles.corners])
     if kind in GLTF_KINDS:
         from raytrace.scene.gltf import read_gltf
 
@@ -111,9 +110,9 @@ def _polygon_parts(path: Path, kind: str, most_triangles: int, load_picture: Cal
 
     mesh = _polygons(path, kind)
     named, left_out = materials_of(path, mesh.libraries, load_picture)
-    cut = polygon_mesh.cut(path, mesh, most_triangles)
-    if cut.crossed:
-        left_out.add(f"what {cut.crossed} polygons cover whose outline crosses itself")
+    triangles = cut(path, mesh, most_triangles)
+    if triangles.crossed:
+        left_out.add(f"what {triangles.crossed} polygons cover whose outline crosses itself")
     bare = Material("", (1.0, 1.0, 1.0) if mesh.colours is not None else (0.5, 0.5, 0.5))
     if mesh.picture is not None:
         picture = load_picture(beside(path, mesh.picture, "picture"), f"{path}: picture {mesh.picture!r}")
@@ -125,7 +124,7 @@ def _polygon_parts(path: Path, kind: str, most_triangles: int, load_picture: Cal
         left_out.add(f"materials that no file of its own describes ({', '.join(missing)})")
     gray = ObjMaterial(Material("", (0.5, 0.5, 0.5)), Placed(""))
     found = [named.get(name, gray) for name in mesh.looks]
-    parts = polygon_mesh.parts_of(mesh, cut, [each.material for each in found], bare)
+    parts = parts_of(mesh, triangles, [each.material for each in found], bare)
     placed = {id(each.material): each.placed for each in found}
     return FileParts([_texture_placed(part, placed.get(id(part.material), Placed(""))) for part in parts], None,
                      tuple(sorted(left_out)))
@@ -229,7 +228,7 @@ def _check(path: Path, placed: list[tuple[Array, NDArray[np.int64]]], most_trian
         if wrong.any():
             row = int(np.argmax(wrong))
             raise FileError(f"{path}: triangle {row} names vertices {faces[row].tolist()} of {len(vertices)}")
-        wrong = polygon_mesh.misplaced(vertices)[faces].any(axis=1)
+        wrong = misplaced(vertices)[faces].any(axis=1)
         if wrong.any():
             raise FileError(f"{path}: triangle {int(np.argmax(wrong))} has a corner that is not finite, or beyond "
-                            f"{polygon_mesh.FARTHEST:g}")
+                            f"{FARTHEST:g}")

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import mirror_cad
-from raytrace.measures.angular_size import ARCMIN, AngularSize, Face, angular_sizes
+from raytrace.measures.angular_size import ARCMIN, AngularSize, angular_sizes
+from raytrace.measures.asked import Face
 from raytrace.measures.grid_distortion import grid_distortion
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose

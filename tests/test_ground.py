@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
-from raytrace.measures.blind_zone import NearLane, blind_along, blind_zone, hidden_car
+from raytrace.measures.asked import NearLane
+from raytrace.measures.blind_zone import blind_along, blind_zone, hidden_car
 from raytrace.measures.ground import Plan, horizon_margin, nearest_at_flank, seen_ground, seen_widths
 from raytrace.measures.line_bow import line_bow
 from raytrace.measures.yaw_coverage import yaw_coverage

@@ -19,14 +19,15 @@ from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, exported, o
 from mirror_studio.drive.sensitivity import TURN_DEG
 from mirror_studio.scene_file import load_scene
 from raytrace.load import load_reflector
-from raytrace.measures.blind_zone import NearLane
+from raytrace.measures.asked import NearLane
 from raytrace.measures.disparity import _of_directions, disparity
 from raytrace.measures.eye_fields import extent, eye_fields
 from raytrace.measures.ground import seen_widths
-from raytrace.measures.lane import StraightLane, lane_straightness_percent
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.line_bow import line_bow
 from raytrace.measures.magnification import magnification_extremes
 from raytrace.measures.road_straightness import road_straightness
+from raytrace.measures.straight_lane import StraightLane
 from raytrace.measures.yaw_coverage import yaw_coverage
 from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from mirror_cad.surfaces.quadric import Quadric
-from raytrace.measures.blind_zone import FROM_MM, TO_MM, NearLane, blind_along
+from raytrace.measures.asked import NearLane
+from raytrace.measures.blind_zone import FROM_MM, TO_MM, blind_along
 from raytrace.measures.eye_fields import eye_fields
 from raytrace.measures.ground import seen_widths
 from raytrace.reflector import Reflector

@@ -14,8 +14,9 @@ from mirror_studio.build.paper import PAPER, table_1
 from mirror_studio.build.results import FieldOfView, LaneFigures, Metrics
 from raytrace.image import landing_points, photograph
 from raytrace.measures.difference import reflected_difference
-from raytrace.measures.lane import StraightLane, lane_straightness_percent
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.lane_image import lane_straightness_in_picture
+from raytrace.measures.straight_lane import StraightLane
 from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
 from raytrace.viewing.camera import Frame, rays_through
 from raytrace.viewing.eye import eye_position

@@ -38,12 +38,13 @@ from mirror_studio.build.results import (
 )
 from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
 from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
 from mirror_studio.report.stages import Floor, Link, chain_links, model_sentences, stage_rows, weakest_sentence
 from mirror_studio.report.text import fixed, given, number, point_in_words
 from mirror_studio.report.uncertainty import Uncertainty
-from mirror_studio.report.verdict_table import Requirement, requirements, view_requirements
+from mirror_studio.report.verdict_table import requirements, view_requirements
 
 METRICS = Metrics(
     h_fov_deg=FieldOfView(section=44.82, traced=44.63), v_fov_left_deg=FieldOfView(section=42.88, traced=39.6),

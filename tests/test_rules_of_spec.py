@@ -16,8 +16,9 @@ from mirror_studio.build.results import Metrics
 from mirror_studio.cli import BAD_INPUT, run
 from mirror_studio.missed import missed_in_words
 from mirror_studio.report.page import _rules_verdict
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import requirement_groups
-from mirror_studio.report.verdict_table import Requirement, rule_requirements
+from mirror_studio.report.verdict_table import rule_requirements
 from mirror_studio.rules.of_spec import SpecRules, rule_of_spec, surface_lines
 from raytrace.reflector import Reflector
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from mirror_cad.spec.file import load_spec, spec_as_json, validate_spec
 from mirror_studio.cli import run
 from mirror_studio.missed import missed_in_words
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import actual_in_words, requirement_groups
 from mirror_studio.report.specification import in_effect, specification_rows
 from mirror_studio.report.text import number
-from mirror_studio.report.verdict_table import Requirement
 from tests.conftest import constant, spec_of
 
 

@@ -15,9 +15,10 @@ import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.surfaces.quadric import Quadric
 from raytrace.measures.column_tilt import column_tilt
-from raytrace.measures.lane import StraightLane, lane_straightness_percent
+from raytrace.measures.lane import lane_straightness_percent
 from raytrace.measures.line_bow import ARCMIN, line_bow
 from raytrace.measures.road_straightness import road_straightness
+from raytrace.measures.straight_lane import StraightLane
 from raytrace.reflector import Reflector
 from raytrace.roots import roots
 from raytrace.surfaces.bspline import BSplineFace

@@ -15,7 +15,8 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
-from raytrace.measures.lane import StraightLane, lane_straightness_percent
+from raytrace.measures.lane import lane_straightness_percent
+from raytrace.measures.straight_lane import StraightLane
 from raytrace.rays import Status
 from raytrace.viewing.eye import eye_position
 from tests.conftest import PAPER_MIRRORS, constant, designed, face_of, spec_of

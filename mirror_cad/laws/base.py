@@ -41,6 +41,7 @@ class Law(Section):
     """
 
     horizontal_only: ClassVar[frozenset[str]] = frozenset({"level_at", "span_mm", "match"})
+    known: ClassVar[dict[str, type[Law]]] = {}  # by name; `register` adds to it
     title: ClassVar[str] = ""  # what a menu calls it; its name without one
 
     law: str

@@ -18,8 +18,6 @@ BUILT_IN: tuple[type[Law], ...] = (Constant, Linear, Power, Zones, Table, Expres
 
 Kind = TypeVar("Kind", bound=Law)
 
-_laws: dict[str, type[Law]] = {}
-
 
 def register(law: type[Kind]) -> type[Kind]:
     """Make a law known by its name, as a decorator or a call: specifications, reports and the studio's page then have it.
@@ -42,22 +40,22 @@ def register(law: type[Kind]) -> type[Kind]:
     name = law.model_fields["law"].default
     if not isinstance(name, str) or not name:
         raise ValueError(f"{law.__name__} has no name: give it the key `law: Literal[\"its-name\"] = \"its-name\"`")
-    if _laws.get(name, law) is not law:
-        raise ValueError(f"{law.__name__}: the name {name!r} is that of the law {_laws[name].__name__}")
-    _laws[name] = law
+    if Law.known.get(name, law) is not law:
+        raise ValueError(f"{law.__name__}: the name {name!r} is that of the law {Law.known[name].__name__}")
+    Law.known[name] = law
     return law
 
 
 def unregister(law: type[Law]) -> None:
     """Make a law unknown again; one that is not known is left alone."""
     name = law.model_fields["law"].default
-    if _laws.get(name) is law:
-        del _laws[name]
+    if Law.known.get(name) is law:
+        del Law.known[name]
 
 
 def registered() -> Mapping[str, type[Law]]:
     """Return the laws by their names, in the order in which they are offered."""
-    return MappingProxyType(_laws)
+    return MappingProxyType(Law.known)
 
 
 for _law in BUILT_IN:

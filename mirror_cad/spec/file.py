@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from mirror_cad.errors import SpecError
 from mirror_cad.laws import Unstated
-from mirror_cad.spec.messages import faults
+from mirror_cad.messages import faults
 from mirror_cad.spec.schema import MirrorSpec
 
 Root = TypeVar("Root", bound=BaseModel)

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import SurfaceError
+from mirror_cad.surfaces.differential import principal_curvatures
 
 Array = NDArray[np.float64]
 
@@ -156,8 +157,6 @@ class BSplineSurface:
         ----------
         M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-2.
         """
-        from mirror_cad.surfaces.differential import principal_curvatures
-
         self._check_height_field("principal_curvatures")
         return principal_curvatures(self, x, y)
 

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import SurfaceError
-from mirror_cad.sections import SagDerivatives
-from mirror_cad.surfaces.bspline import BSplineSurface
+
+if TYPE_CHECKING:
+    from mirror_cad.sections import SagDerivatives
 
 Array = NDArray[np.float64]
 
 # |S_u × S_v| over |S_u|·|S_v| below which a surface has no normal: half the digits of float64 are gone there.
 DEGENERATE = 1e-8
+
+
+class Differentiable(Protocol):
+    """A surface S(u, v) that gives its derivatives."""
+
+    def derivatives(self, u: ArrayLike, v: ArrayLike) -> dict[str, Array]:
+        """S, S_u, S_v, S_uu, S_uv, S_vv as "s", "u", … "vv", (…, 3) each, mm, at parameters of shapes that broadcast."""
 
 
 class ShapeOperator(NamedTuple):
@@ -157,13 +165,13 @@ def principal_curvatures_of(w: ShapeOperator) -> tuple[Array, Array]:
     return mean + half_difference, mean - half_difference
 
 
-def principal_curvatures(surface: BSplineSurface, u: ArrayLike, v: ArrayLike) -> Array:
+def principal_curvatures(surface: Differentiable, u: ArrayLike, v: ArrayLike) -> Array:
     """Signed principal curvatures of a surface: the eigenvalues of its shape operator.
 
     Parameters
     ----------
-    surface : BSplineSurface
-        In mm.
+    surface : Differentiable
+        In mm; a `BSplineSurface`, say.
     u, v : array_like
         Of shapes that broadcast.
 

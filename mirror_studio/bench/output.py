@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from mirror_studio.as_json import Json, JsonObject
 from mirror_studio.bench.plots import figure_of
 from mirror_studio.bench.table import Column, Row, Table
 from mirror_studio.build.pipeline import versions, write_json
+from mirror_studio.json_types import Json, JsonObject
 from mirror_studio.report.text import count, number, templates
 
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mirror_cad.errors import SpecError
-from mirror_studio.as_json import JsonObject
 from mirror_studio.bench.table import Table
 from mirror_studio.build.folder import MANIFEST, new_set
+from mirror_studio.json_types import JsonObject
 from mirror_studio.progress import Progress
 
 # Part -> heading on the page. Each is a module here, of the same name with underscores, with `tables`.

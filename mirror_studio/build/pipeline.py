@@ -25,14 +25,7 @@ from mirror_cad.reflection import reflected_mesh, reflected_points, reflected_su
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_studio.as_json import (
-    Json,
-    JsonObject,
-    deviation_as_json,
-    manifest_as_json,
-    metrics_as_json,
-    trace_metrics_as_json,
-)
+from mirror_studio.as_json import deviation_as_json, manifest_as_json, metrics_as_json, trace_metrics_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.methods import compare_methods
 from mirror_studio.build.results import (
@@ -48,6 +41,7 @@ from mirror_studio.build.results import (
     TraceMetrics,
 )
 from mirror_studio.build.wanted import target_figures
+from mirror_studio.json_types import Json, JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.rules.of_spec import rule_of_spec, surface_lines
 from mirror_studio.viewing_setup import ViewingSetup

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from mirror_cad.deviation import Deviation, ExplainedDeviation, RayDeviation, StageDeviation
     from mirror_cad.mirror import Mirror
     from mirror_cad.surfaces.faithful import Faithful
-    from mirror_studio.as_json import JsonObject
     from mirror_studio.build.wanted import TargetFigures
-    from mirror_studio.report.verdict_table import Requirement
+    from mirror_studio.json_types import JsonObject
+    from mirror_studio.report.requirement import Requirement
     from mirror_studio.rules.of_spec import SpecRules
     from raytrace.measures.ghost import Ghost
     from raytrace.placement import Placement

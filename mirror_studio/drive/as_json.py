@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_studio.as_json import Json, JsonObject, placement_as_json
+from mirror_studio.as_json import placement_as_json
 from mirror_studio.drive.measured import (
     MAGNIFICATIONS,
     ORIENTATIONS,
@@ -21,6 +21,7 @@ from mirror_studio.drive.measured import (
     value_of,
 )
 from mirror_studio.drive.world import MM
+from mirror_studio.json_types import Json, JsonObject
 from raytrace.measures.eye_fields import EyeFields, extent
 from raytrace.measures.registry import measures_of
 

@@ -16,8 +16,9 @@ from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
 from raytrace.errors import TraceError
-from raytrace.measures.angular_size import AngularSize, Face, sizes_in_use
-from raytrace.measures.blind_zone import BlindZone, HiddenCar, NearLane, blind_zone, blind_zones_in_use, hidden_in_use
+from raytrace.measures.angular_size import AngularSize, sizes_in_use
+from raytrace.measures.asked import Asked, Face, NearLane
+from raytrace.measures.blind_zone import BlindZone, HiddenCar, blind_zone, blind_zones_in_use, hidden_in_use
 from raytrace.measures.column_tilt import Tilt, tilt_in_use
 from raytrace.measures.disparity import Disparity, disparity_in_use
 from raytrace.measures.eye_fields import EyeFields, extent, eye_fields, fields_in_use
@@ -32,8 +33,8 @@ from raytrace.measures.ground import (
     seen_widths,
     widths_in_use,
 )
-from raytrace.measures.in_use import Asked, MirrorInUse, OnVehicle
-from raytrace.measures.lane import Lane, lane_in_use
+from raytrace.measures.in_use import MirrorInUse, OnVehicle
+from raytrace.measures.lane import lane_in_use
 from raytrace.measures.line_bow import Bow, bow_in_use
 from raytrace.measures.magnification import (
     Extent,
@@ -44,6 +45,7 @@ from raytrace.measures.magnification import (
 )
 from raytrace.measures.registry import Measure
 from raytrace.measures.road_straightness import RoadStraightness, line_unmeasured_in_use, straightness_in_use
+from raytrace.measures.straight_lane import Lane
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
 from raytrace.viewing.eye import eye_position

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from mirror_cad.spec import Eye
-from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json, write_png
 from mirror_studio.drive.pictures import World
 from mirror_studio.drive.world import MM, pose_of
+from mirror_studio.json_types import JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
 from raytrace.image import photograph

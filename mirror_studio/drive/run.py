@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mirror_cad.spec.file import spec_as_json
-from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, refuse_unreflected, stated_placement, versions, write_json, write_png
 from mirror_studio.drive import drawings
@@ -20,6 +19,7 @@ from mirror_studio.drive.sensitivity import sensitivity
 from mirror_studio.drive.sheet import picture_name, write_sheet
 from mirror_studio.drive.table import write_csv
 from mirror_studio.drive.world import MM
+from mirror_studio.json_types import JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.scene_file import SceneFile
 from raytrace.seating import Place

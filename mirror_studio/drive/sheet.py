@@ -12,8 +12,8 @@ from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, camera_at
 from mirror_studio.drive.table import ORIENTATION_DEFINITION, ORIENTATION_TITLE, cells, groups_of, orientations
 from mirror_studio.report.text import fixed, templates
 from mirror_studio.scene_file import AimSection, SceneFile
+from raytrace.measures.asked import Asked
 from raytrace.measures.eye_fields import extent
-from raytrace.measures.in_use import Asked
 
 SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "own flank, of width", 3),
              ("horizon_share", "horizon, of height", 3), ("width_at_20_m", "ground seen at 20 m, m", 2),

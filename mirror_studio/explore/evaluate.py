@@ -18,7 +18,8 @@ from mirror_studio.drive.world import bodies_and_left_out
 from mirror_studio.rules.figures import rule_figures
 from mirror_studio.scene_file import SceneFile, load_scene
 from mirror_studio.viewing_setup import ViewingSetup
-from raytrace.measures.in_use import Asked, MirrorInUse
+from raytrace.measures.asked import Asked
+from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import measures_of
 from raytrace.reflector import Reflector
 

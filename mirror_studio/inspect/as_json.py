@@ -10,8 +10,8 @@ from mirror_cad.made.figures import Figure, Figures
 from mirror_cad.made.inspection import Inspection
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.verdict import Verdict
-from mirror_studio.as_json import Json, JsonObject
 from mirror_studio.inspect.driver import DriversView
+from mirror_studio.json_types import Json, JsonObject
 
 
 def inspection_as_json(name: str, found: Inspection, left_out: dict[str, int], figures: Figures, verdict: Verdict | None,

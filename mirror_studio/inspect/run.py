@@ -15,7 +15,6 @@ from mirror_cad.made.measured_surface import measured_surface
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.verdict import Verdict, verdict
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_studio.as_json import JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json
 from mirror_studio.inspect.as_json import inspection_as_json, view_as_json
@@ -25,6 +24,7 @@ from mirror_studio.inspect.others import OtherData, joined, kind_of, other_data
 from mirror_studio.inspect.reference import Reference, load_reference
 from mirror_studio.inspect.sheet import basis, write_sheet
 from mirror_studio.inspect.tables import write_maps, write_residuals
+from mirror_studio.json_types import JsonObject
 from mirror_studio.progress import Progress
 
 Array = NDArray[np.float64]

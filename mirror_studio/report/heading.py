@@ -9,8 +9,8 @@ import time
 from dataclasses import dataclass
 
 from mirror_cad.mirror import Mirror
-from mirror_studio.as_json import JsonObject
 from mirror_studio.build.results import Manifest
+from mirror_studio.json_types import JsonObject
 
 SIGNATURES = ("made", "checked", "approved")
 HANDS = {"left": "left: the driver sits on its right, x > 0",

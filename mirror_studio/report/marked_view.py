@@ -13,7 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.interpolate import CubicSpline
 
 from mirror_studio.report.tables import Table
-from raytrace.measures.lane import StraightLane, lane_height
+from raytrace.measures.lane import lane_height
+from raytrace.measures.straight_lane import StraightLane
 from raytrace.surfaces.base import OpticalSurface
 from raytrace.viewing.camera import Frame
 

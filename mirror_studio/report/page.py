@@ -21,6 +21,7 @@ from mirror_studio.report.histogram import histogram_figure
 from mirror_studio.report.maps import deviation_maps, pair_maps
 from mirror_studio.report.marked_view import marked_view
 from mirror_studio.report.report_data import ReportData
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import actual_in_words, change_rows, probe_rows, requirement_groups
 from mirror_studio.report.side_by_side import side_by_side
 from mirror_studio.report.specification import specification_rows
@@ -48,7 +49,7 @@ from mirror_studio.report.text import (
     templates,
     with_unit,
 )
-from mirror_studio.report.verdict_table import Requirement, view_requirements
+from mirror_studio.report.verdict_table import view_requirements
 from mirror_studio.rules.of_spec import SpecRules
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.registry import registered

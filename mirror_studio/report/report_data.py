@@ -13,19 +13,21 @@ from mirror_cad.mirror import Mirror
 from mirror_cad.reflection import reflected_surface
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, rms_norm, shape_operator
-from mirror_studio.as_json import Json, metrics_as_json
+from mirror_studio.as_json import metrics_as_json
 from mirror_studio.build.results import Manifest, Metrics
+from mirror_studio.json_types import Json
 from mirror_studio.report.cuts import Cut, cuts, cuts_table
 from mirror_studio.report.fields import DeviationFields, deviation_fields
 from mirror_studio.report.heading import heading
 from mirror_studio.report.histogram import Histogram, histogram
 from mirror_studio.report.marked_view import LaneImage, lane_image
 from mirror_studio.report.probe import Probe, probe
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.stages import stages_table
 from mirror_studio.report.step_change import StepChange, step_change
 from mirror_studio.report.tables import Table, write_tables
 from mirror_studio.report.uncertainty import Uncertainty, uncertainty
-from mirror_studio.report.verdict_table import Requirement, requirements, verdict_rows_table
+from mirror_studio.report.verdict_table import requirements, verdict_rows_table
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.reflector import TRIM_CHORD_MM
 from raytrace.surfaces.base import OpticalSurface

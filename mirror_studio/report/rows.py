@@ -6,6 +6,7 @@ import math
 
 from mirror_cad.laws.words import plain
 from mirror_studio.report.probe import Probe
+from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.step_change import StepChange
 from mirror_studio.report.text import (
     MISSING,
@@ -19,7 +20,6 @@ from mirror_studio.report.text import (
     with_unit,
 )
 from mirror_studio.report.uncertainty import Uncertainty
-from mirror_studio.report.verdict_table import Requirement
 
 GROUPS = {"part": "Part: optical face as read back, against the design",
           "view": "View: field of view and lane, as asked for",

@@ -3,58 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
 from mirror_cad.deviation import Deviation, QuantityDeviation
 from mirror_cad.mirror import Mirror
 from mirror_studio.build.results import Metrics
+from mirror_studio.report.requirement import Point, Requirement, Side
 from mirror_studio.report.stages import numerical_stages
 from mirror_studio.report.tables import Table
 from mirror_studio.rules.of_spec import SpecRules
-from mirror_studio.rules.verdicts import Verdict as RuleVerdict
 from raytrace.measures.registry import registered
 
-Point = tuple[float, float]
-Side = Literal["size", "least", "most"]
 ENDS: tuple[Side, Side] = ("least", "most")
-
-
-@dataclass(frozen=True, slots=True)
-class Requirement:
-    """One line of the verdict table; limit is None where nothing is asked, actual NaN where it cannot be measured.
-
-    group : "part", "view", "rules", "numerical" or "files".   side : whether `limit` holds for the size of `actual`, which may
-    be signed, or is the least or the most that it may be.   ruled : the verdict of a rule of the road on its whole line.
-    """
-
-    group: str
-    name: str
-    unit: str
-    limit: float | None
-    actual: float
-    point: Point | None = None
-    side: Side = "size"
-    ruled: RuleVerdict | None = None
-
-    @property
-    def margin(self) -> float | None:
-        """What is left of the limit; negative beyond it."""
-        if self.limit is None or (self.ruled == "open" and math.isnan(self.actual)):
-            return None
-        return self.actual - self.limit if self.side == "least" else self.limit - self.size
-
-    @property
-    def size(self) -> float:
-        """What is held against the limit: the actual value, or its size."""
-        return abs(self.actual) if self.side == "size" else self.actual
-
-    @property
-    def met(self) -> bool | None:
-        """Whether the limit is kept; None without one and where a rule leaves it open, False where nothing was measured."""
-        if self.margin is None or self.ruled == "open":
-            return None
-        return self.ruled == "met" or (self.margin > 0.0 if self.ruled == "missed" else self.margin >= 0.0)
 
 
 def requirements(mirror: Mirror, deviation: Deviation, metrics: Metrics) -> list[Requirement]:

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from mirror_cad.errors import SpecError
-from mirror_studio.as_json import Json
+from mirror_studio.json_types import Json
 from mirror_studio.rules.ground import field_margin, missing_ground
 from mirror_studio.rules.measuring import Measured, Mounted
 from mirror_studio.rules.schema import FieldSection

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from mirror_studio.as_json import Json
+from mirror_studio.json_types import Json
 from mirror_studio.rules.ground import MissingGround
 from mirror_studio.rules.measuring import REFLECTANCE_DEG, Measured
 from mirror_studio.rules.schema import LineSection, Range

@@ -19,7 +19,7 @@ from mirror_cad.outline import Outline
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
-from mirror_studio.as_json import Json
+from mirror_studio.json_types import Json
 from mirror_studio.viewing_setup import ViewingSetup
 from mirror_studio.web.mirror_pose import MirrorPose, aimed
 from mirror_studio.web.protocol import ViewSettings

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from raytrace.image import Scene
-from raytrace.measures.lane import StraightLane
+from raytrace.measures.straight_lane import StraightLane
 from raytrace.rays import Trace
 from raytrace.scene.reference import Picture
 from raytrace.viewing.pose import STRAIGHT, Pose

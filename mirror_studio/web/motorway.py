@@ -11,15 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_studio.as_json import Json
 from mirror_studio.drive.in_plan import footprint, without_cuts
 from mirror_studio.drive.mirrors import DrivenMirror, on_vehicle
 from mirror_studio.drive.pictures import World
 from mirror_studio.drive.world import MM
+from mirror_studio.json_types import Json
 from mirror_studio.scene_file import DEFAULT, AimSection, EyesSection, SceneFile, load_scene
 from mirror_studio.web.engine import Designed
 from mirror_studio.web.protocol import ViewSettings
-from raytrace.measures.blind_zone import NearLane, blind_along
+from raytrace.measures.asked import NearLane
+from raytrace.measures.blind_zone import blind_along
 from raytrace.measures.ground import nearest_at_flank, seen_ground, seen_widths
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Hand

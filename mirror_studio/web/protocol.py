@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from mirror_cad.spec.messages import sentence
+from mirror_cad.messages import sentence
 
 MAGIC = b"MCS1"
 LARGEST_MESSAGE = 2_000_000  # bytes: a specification with tables of some 50,000 rows

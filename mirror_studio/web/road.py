@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.as_json import Json
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, World, camera_at, cones_of, eye_picture
 from mirror_studio.drive.world import HOUSING, MM, housing_body
+from mirror_studio.json_types import Json
 from mirror_studio.web.engine import (
     FINE_QUALITY,
     LAYOUTS,

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from mirror_cad.errors import SpecError
-from mirror_studio.as_json import Json
+from mirror_studio.json_types import Json
 from mirror_studio.rules.measuring import Mounted
 from mirror_studio.rules.of_spec import measured_of, rule_of_spec
 from mirror_studio.rules.schema import QUANTITIES, RULES, load_rule, rule_names

@@ -38,7 +38,7 @@ from mirror_studio.web.uploads import Uploads
 
 if TYPE_CHECKING:
     from mirror_cad.spec import MirrorSpec
-    from mirror_studio.as_json import Json
+    from mirror_studio.json_types import Json
     from mirror_studio.web.engine import Designed, Shown
 
 T = TypeVar("T")

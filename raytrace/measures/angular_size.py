@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.asked import Face
 from raytrace.measures.field_of_view import angle_between
 from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import Measure, register_family
@@ -20,21 +21,6 @@ Array = NDArray[np.float64]
 
 ARCMIN = float(np.degrees(1.0)) * 60.0
 DISTANCES_MM = (20_000.0, 50_000.0)  # behind the ocular points
-
-
-@dataclass(frozen=True, slots=True)
-class Face:
-    """The front of a following vehicle: an upright rectangle that stands on the ground, across the road.
-
-    Parameters
-    ----------
-    width_mm, height_mm : its size, mm.
-    y_mm : Y of its middle, mm, to the right of the host vehicle's median plane.
-    """
-
-    width_mm: float
-    height_mm: float
-    y_mm: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.measures.asked import NearLane
 from raytrace.measures.in_use import MM_PER_M, MirrorInUse, metres
 from raytrace.measures.registry import Measure, register, register_family
 from raytrace.viewing.vehicle import HostVehicle
@@ -29,14 +30,6 @@ LINES_MM = np.concatenate([np.arange(FROM_MM, -1_000.0, 200.0), np.arange(-1_000
                            np.arange(8_000.0, TO_MM + 1.0, 200.0)])
 ASIDE_MM = 25.0  # between the places across the lane at which a car is tried
 CAR_LENGTH_MM, CAR_WIDTH_MM = 4_500.0, 1_800.0
-
-
-@dataclass(frozen=True, slots=True)
-class NearLane:
-    """A lane beside the host vehicle's: y_min_mm ≤ Y ≤ y_max_mm, in vehicle coordinates."""
-
-    y_min_mm: float
-    y_max_mm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

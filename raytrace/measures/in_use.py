@@ -12,9 +12,8 @@ import numpy as np
 from raytrace.viewing.eye_views import EyeViews
 
 if TYPE_CHECKING:
-    from raytrace.measures.angular_size import Face
-    from raytrace.measures.blind_zone import NearLane
-    from raytrace.measures.lane import Lane
+    from raytrace.measures.asked import Asked
+    from raytrace.measures.straight_lane import Lane
     from raytrace.reflector import Reflector
     from raytrace.viewing.pose import Pose
     from raytrace.viewing.vehicle import Eyes, HostVehicle
@@ -23,32 +22,6 @@ if TYPE_CHECKING:
 Box = tuple[float, float, float, float]
 Record = TypeVar("Record")
 MM_PER_M = 1e3
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """What a scene has measured.
-
-    Parameters
-    ----------
-    lane : beside the host vehicle's.
-    line_y : Y of that lane's line, mm; None where no line is asked about.
-    face : the front of one vehicle; None where none is.
-    distances : X at which the front is looked at, mm.
-    column : X, Y and height of an upright line, mm; None where none is asked about.
-    widths_at : X at which the width of the ground counts, mm.
-    direct_view : the azimuth, radians, from straight ahead, at which direct view ends.
-    hidden_height : mm over the ground, of what may hide in the lane beside.
-    """
-
-    lane: NearLane
-    line_y: float | None
-    face: Face | None
-    distances: tuple[float, ...]
-    column: tuple[float, float, float] | None
-    widths_at: tuple[float, ...]
-    direct_view: float
-    hidden_height: float
 
 
 @dataclass(frozen=True, eq=False)

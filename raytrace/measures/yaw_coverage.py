@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
-from raytrace.measures.blind_zone import DIRECT_VIEW, TO_MM, NearLane, blind_along
+from raytrace.measures.asked import NearLane
+from raytrace.measures.blind_zone import DIRECT_VIEW, TO_MM, blind_along
 from raytrace.measures.ground import side_of
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose

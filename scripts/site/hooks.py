@@ -91,9 +91,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 def all_measures() -> Iterable[Measure]:
     """Every measure: the registered ones, and those that a scene such as `motorway` asks for at its distances."""
-    from raytrace.measures.angular_size import Face
-    from raytrace.measures.blind_zone import NearLane
-    from raytrace.measures.in_use import Asked, MirrorInUse, OnVehicle
+    from raytrace.measures.asked import Asked, Face, NearLane
+    from raytrace.measures.in_use import MirrorInUse, OnVehicle
     from raytrace.measures.registry import measures_of
 
     asked = Asked(NearLane(-5250.0, -1750.0), -5250.0, Face(1800.0, 1450.0, -3500.0), distances=(20_000.0,),

@@ -10,7 +10,6 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from mirror_cad.laws import Law, registered
 from mirror_cad.limits import limit_units
 
 _PLAIN_TYPES = {
@@ -86,10 +85,10 @@ def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
     if kind == "missing":
         return f"{where}: this key is required{_with_law(keys, raw, root)}"
     if kind == "union_tag_not_found":
-        return f"{where}.law: this key is required: one of {', '.join(registered())}"
+        return f"{where}.law: this key is required: one of {', '.join(_laws(keys, root))}"
     if kind == "union_tag_invalid":
-        law = value["law"]
-        return f"{where}.law = {_short(law)}: must be one of {', '.join(registered())}{_nearest(law, registered())}"
+        law, laws = value["law"], _laws(keys, root)
+        return f"{where}.law = {_short(law)}: must be one of {', '.join(laws)}{_nearest(law, laws)}"
     if kind == "literal_error":
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
         return f"{shown}: must be one of {context['expected']}{_nearest(value, words)}"
@@ -109,13 +108,20 @@ def _short(value: Any) -> str:
 
 
 def _is_law(key: Any, root: type[BaseModel]) -> bool:
-    """Whether a key of the root is a section that names its law."""
-    return key in root.model_fields and root.model_fields[key].annotation is Law
+    """Whether a key of the root is a section that names its law (`mirror_cad.laws.base.Law`)."""
+    return key in root.model_fields and hasattr(root.model_fields[key].annotation, "known")
+
+
+def _laws(keys: list[Any], root: type[BaseModel]) -> Mapping[str, type[BaseModel]]:
+    """The laws that such a section may name."""
+    annotation: Any = root.model_fields[keys[0]].annotation
+    found: Mapping[str, type[BaseModel]] = annotation.known
+    return found
 
 
 def _law_of(section: Any) -> Any:
     """The name of the law that a section's keys, or a law made in Python, have."""
-    return section.law if isinstance(section, Law) else section.get("law") if isinstance(section, dict) else None
+    return section.get("law") if isinstance(section, dict) else getattr(section, "law", None)
 
 
 def _model_at(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> type[BaseModel] | None:
@@ -124,7 +130,7 @@ def _model_at(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> ty
     for key in keys[:-1]:
         if model is root and _is_law(key, root):
             law = _law_of(raw.get(key))
-            found = registered().get(law) if isinstance(law, str) else None
+            found = _laws(keys, root).get(law) if isinstance(law, str) else None
             if found is None:
                 return None
             model = found
@@ -153,13 +159,14 @@ def _unknown_key(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) ->
     model, key = _model_at([key for key in keys[:-1] if not isinstance(key, int)] + keys[-1:], raw, root), str(keys[-1])
     own = [field.alias or name for name, field in model.model_fields.items()] if model else []
     if _is_law(keys[0], root) and len(keys) == 2:
-        if keys[0] == "vertical" and key in Law.horizontal_only:
+        law: Any = root.model_fields[keys[0]].annotation
+        if keys[0] == "vertical" and key in law.horizontal_only:
             return "this key belongs to [horizontal]: the vertical law runs over the same t"
-        owners = [law for law, other in registered().items() if key in other.model_fields]
+        owners = [name for name, other in law.known.items() if key in other.model_fields]
         if owners:
-            return f"this key belongs to law = {' or '.join(repr(law) for law in owners)}{_with_law(keys, raw, root)}"
+            return f"this key belongs to law = {' or '.join(map(repr, owners))}{_with_law(keys, raw, root)}"
         if keys[0] == "vertical":
-            own = [name for name in own if name not in Law.horizontal_only]
+            own = [name for name in own if name not in law.horizontal_only]
     return f"unknown key{_nearest(key, [*own, *limit_units()] if keys[0] == 'limits' else own)}"
 
 
