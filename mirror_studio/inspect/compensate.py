@@ -14,12 +14,12 @@ from mirror_cad.laws.words import plain
 from mirror_cad.made.compensation import Deviations, Forming, next_mould
 from mirror_cad.made.inspection import GAUGE_MM, Align, Inspection, inspect
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_studio.as_json import Json, JsonObject
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json
 from mirror_studio.inspect.data import read_points, read_table
 from mirror_studio.inspect.pictures import correction_maps
 from mirror_studio.inspect.reference import Reference, load_reference
+from mirror_studio.json_types import Json, JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.report.text import number, templates
 
