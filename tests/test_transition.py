@@ -13,13 +13,16 @@ from mirror_cad.outline import truck_outline
 from mirror_cad.outline.files import open_outline, write_dxf
 from mirror_cad.outline.transition import transition_line
 from mirror_cad.spec.file import load_spec, spec_as_json, validate_spec
+from mirror_cad.surfaces.quadric import Quadric
 from mirror_studio.rules.measuring import Measured, Told
 from mirror_studio.rules.schema import load_rule
 from mirror_studio.rules.verdicts import judged
 from raytrace.errors import TraceError
 from raytrace.reflector import Reflector
+from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.cut import inboard_of, outboard_of
-from tests.rule_mirrors import sphere
+from raytrace.surfaces.quadric import QuadricFace
+from tests.rule_mirrors import TOWARDS_Z, sphere
 from tests.test_spherometer import line
 
 X_MM = -23.0
@@ -152,3 +155,22 @@ def test_file_without_the_line_leaves_its_width_open() -> None:
 def test_surface_that_cannot_be_cut_is_said() -> None:
     with pytest.raises(TraceError, match="a transition line at x = 0 mm needs a mirror that is one B-spline"):
         _ = Measured(sphere(1250.0), load_rule("R46"), 38.1, None, Told(transition_mm=0.0)).main.radii
+
+
+def test_faces_part_a_file_where_one_of_them_is_a_sphere() -> None:
+    """As other programs write aspheric mirrors: the sphere's face and the aspheric one, edge to edge at x = −23."""
+    mirror = aspheric()
+    loop = mirror.outline.polyline(0.01)
+    quadric = Quadric("sphere", np.array([0.0, 0.0, -1250.0]), TOWARDS_Z, 1250.0)
+    right = np.array([[-23.0, -140.0], [100.0, -140.0], [100.0, 140.0], [-23.0, 140.0]])
+    main = QuadricFace(quadric, (np.arcsin(right / 1250.0),))
+    outer = BSplineFace(mirror.surface, (outboard_of(loop, X_MM),))
+    m = Measured(Reflector.of_faces((main, outer)), load_rule("R46"), 38.1)
+    of = judged(m, "III")
+    assert line(of, "radius_r_mm").value == pytest.approx(1250.0, abs=1e-5)
+    assert line(of, "radius_r_mm").notes[0] == "of the main part, the spherical one of its faces"
+    assert line(of, "sphere_departure_mm").verdict == "met"
+    assert line(of, "aspheric_width_mm").value == pytest.approx(92.0, abs=1e-3)
+    assert 493.0 < (line(of, "radius_least_mm").value or 0.0) < 600.0  # no foot stands beyond the edge of a face
+    one = Measured(Reflector(main), load_rule("R46"), 38.1)
+    assert one.main is one

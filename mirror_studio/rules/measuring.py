@@ -21,7 +21,7 @@ from raytrace.measures.eye_fields import extent, eye_fields
 from raytrace.measures.ghost import Ghost, ghost, reflectance
 from raytrace.measures.ground import side_of
 from raytrace.reflector import Reflector
-from raytrace.surfaces.base import box_of_points
+from raytrace.surfaces.base import BoundedFace, box_of_points
 from raytrace.surfaces.cut import outboard_of
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
@@ -36,10 +36,12 @@ GRID = 9  # places a direction over the visible surface
 WITHIN = 0.98  # of the box, from its middle, that these reach
 DIRECTIONS = 4  # in which the least radius is looked for at each
 REFLECTANCE_DEG = 25.0  # of incidence, at which the rules have reflectances measured
+SPHERE_MM = 0.02  # off its best sphere, that a face may be and be one: what the rule files have of a surface
 RECTANGLE_MM = 40.0  # high, whatever the class
 ALONG_X, ALONG_Y = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 # What of a mirror hangs neither on the rule nor on the spherometer, and what only on how far apart the rule has the eyes.
-OF_SHAPE = ("outline", "centre", "_grid", "sphere_departure", "rectangle", "segment", "circle", "box_sides", "aspheric_outline")
+OF_SHAPE = ("outline", "centre", "_grid", "sphere_departure", "rectangle", "segment", "circle", "box_sides", "aspheric_outline",
+            "_spherical_face")
 OF_VIEWS = ("views", "shows_twice", "_fields", "_hidden")
 
 
@@ -115,17 +117,32 @@ class Measured:
 
     @cached_property
     def main(self) -> Measured:
-        """The main part alone: itself, where no transition line parts it from an aspheric one."""
+        """The main part alone: itself, where neither a transition line nor an edge of faces parts it from an aspheric one."""
         if self.told.transition_mm is None:
-            return self
+            face = self._spherical_face
+            return self if face is None else replace(self, reflector=replace(self.reflector, surface=face))
         inboard = replace(self.reflector, surface=self.reflector.surface.inboard_of(self.told.transition_mm))
         return replace(self, reflector=inboard, told=replace(self.told, transition_mm=None))
 
     @cached_property
     def aspheric_outline(self) -> Array | None:
-        """The polygon (n, 2) around the aspheric part, mm; None without a transition line."""
-        line = self.told.transition_mm
-        return None if line is None else outboard_of(self.outline, line)
+        """The polygon (n, 2) around the aspheric part, mm; None where it is not known."""
+        if (line := self.told.transition_mm) is not None:
+            return outboard_of(self.outline, line)
+        if self._spherical_face is None:
+            return None
+        others = [face for face in self.reflector.surface.uncoated().bounding_faces if face is not self._spherical_face]
+        return others[0].rim[0].points[:, :2] if len(others) == 1 and len(others[0].rim) == 1 else None
+
+    @cached_property
+    def _spherical_face(self) -> BoundedFace | None:
+        """Of several faces that are no sphere together, the largest that is one by itself: the main part."""
+        faces = self.reflector.surface.uncoated().bounding_faces
+        if len(faces) < 2 or self.sphere_departure <= SPHERE_MM:
+            return None
+        found = [face for face in faces if len(face.rim) == 1 and replace(
+            self, reflector=replace(self.reflector, surface=face)).sphere_departure <= SPHERE_MM]
+        return max(found, key=lambda face: abs(sizes.area_of(face.rim[0].points[:, :2])), default=None)
 
     @property
     def aspheric_width(self) -> float | None:

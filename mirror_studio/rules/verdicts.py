@@ -19,6 +19,7 @@ NO_VEHICLE = "no vehicle was given: --vehicle SCENE puts the mirror on one"
 NOT_ENTERED = {"reflectance_percent": "not entered: --reflectance-percent, or [rules] reflectance_percent, as it was measured",
                "reflectance_night_percent": "not entered: --reflectance-night-percent, or [rules] reflectance_night_percent",
                "aspheric_width_mm": "no transition line is known: --transition-mm, or [part] transition_mm, says where it is"}
+OF_FACE = "of the main part, the spherical one of its faces"
 OF_PART = "of the main part, inboard of the transition line at x = {:g} mm"
 TWICE = "the mirror shows some things twice, so no field is bounded by its edge"
 ON_VEHICLE = ("mirror_angle_deg", "mirror_height_m", "field_missing_m2", "field_obstructed_percent", "field_angle_deg")
@@ -136,7 +137,7 @@ def _judged(whole: Measured, line: LineSection) -> RuleLine:
     if line.quantity.startswith("field_") and m.shows_twice:
         return RuleLine(line, None, limit, None, "open", (TWICE,))
     value = TAKE[line.quantity](m, line)
-    of_part = () if m is whole else (OF_PART.format(whole.told.transition_mm),)
+    of_part = () if m is whole else (OF_FACE if (x := whole.told.transition_mm) is None else OF_PART.format(x),)
     if value is None:
         return RuleLine(line, None, limit, None, "open", (NOT_ENTERED[line.quantity], *glass_notes(m, line)))
     notes = [*of_part, *_notes(m, line, value)]
