@@ -90,7 +90,7 @@ class PieceSection(Listed):
 
 
 class OwnVehicleSection(Listed):
-    """The driver's own vehicle: a box that hides what is behind it, and how its flank looks, from front_m on.
+    """The host vehicle: a box that hides what is behind it, and how its flank looks, from front_m on.
 
     opaque : pillars and headrests that hide behind them, window : what alone lets rays out of the box; for rules of the road.
     Body "none" has no looks. A door mirror of the body's own where the mirror is mounted is left out, unless keep_mirror is

@@ -95,7 +95,7 @@ def test_a_vehicle_that_is_not_wholly_shown_has_no_size_in_the_mirror() -> None:
         return angular_sizes(view, face, (20_000.0,), own)[0]
 
     assert shown(CAR, OWN).mirror is not None
-    behind = replace(CAR, y_mm=0.0)  # in the own lane: hidden by the own vehicle, in part
+    behind = replace(CAR, y_mm=0.0)  # in the own lane: hidden by the host vehicle, in part
     assert shown(behind).mirror is not None
     assert shown(behind, OWN).mirror is None
     assert shown(behind, OWN).flat is None  # nor would a flat mirror show its middle

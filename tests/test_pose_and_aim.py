@@ -133,7 +133,7 @@ def test_an_aimed_plane_mirror_halves_the_angles(plane: raytrace.Reflector) -> N
 
 
 def test_an_aim_without_a_solution_is_refused_with_its_numbers(progressive: raytrace.Reflector) -> None:
-    with pytest.raises(TraceError, match=r"aim: no yaw and pitch shows the own flank on 12 % of the width"):
+    with pytest.raises(TraceError, match=r"aim: no yaw and pitch shows the host vehicle's flank on 12 % of the width"):
         aimed(progressive, posed(), EYE, RearEdge(-2000.0, -870.0), WANTED)  # a vehicle that ends before its mirror
 
 

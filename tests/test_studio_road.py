@@ -172,7 +172,7 @@ def test_a_probe_names_what_its_ray_meets() -> None:
     look, one = ViewSettings(**SMALL), engine.designed(load_spec("progressive-c"))
     met = {road.probe(one, look, float(x), float(y), 0)["road"]["what"]  # type: ignore[index]
            for x in range(-100, 101, 20) for y in range(-110, 111, 20)}
-    assert {"road", "saloon", "suv", "sky", "own vehicle", "ground"} <= met
+    assert {"road", "saloon", "suv", "sky", "host vehicle", "ground"} <= met
 
 
 def test_own_mirror_is_aimed_alike() -> None:
@@ -390,7 +390,7 @@ def test_a_slider_gives_drafts_and_a_rest_the_fine_picture(page: Page) -> None:
     settled(page)
     expect(page.get_by_test_id("draft")).to_be_hidden()
     address_comes_to(page, "look.flank_share=0.18")
-    assert figure(page, "width-20") < width  # more of the own flank, less of the road
+    assert figure(page, "width-20") < width  # more of the host vehicle's flank, less of the road
     expect(page.locator("#figures tr.pinned td >> nth=12")).to_have_text(f"{width:.2f}")
     page.keyboard.press("Control+z")
     becomes(page, "look.flank_share", 0.12)

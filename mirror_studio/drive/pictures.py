@@ -39,7 +39,7 @@ class World:
     def __init__(self, scene: SceneFile) -> None:
         named, left_out = bodies_and_left_out(scene)
         self.named: tuple[tuple[str, Body], ...] = named
-        self._door_mirror = left_out  # of the driver's own vehicle
+        self._door_mirror = left_out  # of the host vehicle
         self.bodies = tuple(body for _, body in self.named)
         self.host_bodies = 0 if scene.own_vehicle.body == "none" else 1  # how many of the bodies are the driver's vehicle
         self.road, self.daylight = road_of(scene), daylight_of(scene)

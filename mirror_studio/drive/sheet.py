@@ -15,7 +15,7 @@ from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.measures.asked import Asked
 from raytrace.measures.eye_fields import extent
 
-SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "own flank, of width", 3),
+SENSITIVE = (("horizon_either_deg", "horizon, either eye, °", 2), ("flank_share", "host vehicle's flank, of width", 3),
              ("horizon_share", "horizon, of height", 3), ("width_at_20_m", "ground seen at 20 m, m", 2),
              ("blind_length_m", "lane beside in no view, m", 2))
 
@@ -94,7 +94,7 @@ def _facts(scene: SceneFile, left_out: Sequence[str]) -> list[tuple[str, str]]:
     eyes, mirror, light = scene.eyes, scene.mirror, scene.light
     aim = scene.aim or AimSection()
     posed = (f"yaw {plain(mirror.yaw_deg)}°, pitch {plain(mirror.pitch_deg or 0.0)}°" if mirror.yaw_deg is not None else
-             f"aimed from between the eyes: own flank on {plain(100 * aim.flank_share)} % of the width, "
+             f"aimed from between the eyes: host vehicle's flank on {plain(100 * aim.flank_share)} % of the width, "
              f"horizon at {plain(100 * aim.horizon_share)} % of the height")
     return [
         ("Coordinates", "X rearward from the ocular points, Y to the right from the vehicle's median plane, Z up from the "

@@ -50,7 +50,7 @@ def pose_of(scene: SceneFile) -> Pose:
 
 
 def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
-    """All that stands on the ground, the driver's own vehicle first; each with its name, "" for what has none.
+    """All that stands on the ground, the host vehicle first; each with its name, "" for what has none.
 
     Raises: SceneError for a body that cannot be had, with its place in the scene.
     """
@@ -58,7 +58,7 @@ def bodies_of(scene: SceneFile) -> tuple[tuple[str, Body], ...]:
 
 
 def bodies_and_left_out(scene: SceneFile) -> tuple[tuple[tuple[str, Body], ...], LeftOut | None]:
-    """The same, and what of the driver's own vehicle is left out because the mirror is mounted there.
+    """The same, and what of the host vehicle is left out because the mirror is mounted there.
 
     Raises: SceneError for a body that cannot be had, with its place in the scene.
     """

@@ -103,7 +103,7 @@ def world(report: Callable[[str], None]) -> World:
 
 @lru_cache(maxsize=1)
 def surroundings(made: World) -> dict[str, Json]:
-    """What a plan shows around the ground that is seen, m: the road's edges and lines, the own vehicle, the others."""
+    """What a plan shows around the ground that is seen, m: the road's edges and lines, the host vehicle, the others."""
     scene = load_scene(DEFAULT)
     host, road = scene.own_vehicle, scene.road
     return {"road_m": [road.left_m, road.right_m] if road else None,

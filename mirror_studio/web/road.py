@@ -226,7 +226,7 @@ def met(made: World, start: Array, way: Array) -> dict[str, Json]:
     if triangle >= 0 and away < ground_away:
         ends = np.cumsum([len(body.faces) for body in made.bodies])
         number = int(np.searchsorted(ends, triangle, "right"))
-        what = made.named[number][0] or ("own vehicle" if number < made.host_bodies else "roadside")
+        what = made.named[number][0] or ("host vehicle" if number < made.host_bodies else "roadside")
     elif math.isfinite(ground_away):
         away, what = ground_away, "ground"
         side = float(start[1] + away * way[1])

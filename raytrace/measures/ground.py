@@ -295,9 +295,9 @@ register(Measure("yaw_deg", "yaw", "°", 2, "about the vertical, from facing str
                  lambda use: float(np.degrees(use.on_vehicle.pose.yaw)), group="Aim", local=True))
 register(Measure("pitch_deg", "pitch", "°", 2, "then about the mirror's own horizontal axis, upwards",
                  lambda use: float(np.degrees(use.on_vehicle.pose.pitch)), group="Aim", local=True))
-register(Measure("flank_share", "own flank", "of width", 3,
-                 "share of the width, from the inboard edge, that the own flank takes on the row of the horizon, from between "
-                 "the eyes", lambda use: finite(use.record(aim_in_use).aim.flank), group="Aim", local=True))
+register(Measure("flank_share", "host vehicle's flank", "of width", 3,
+                 "share of the width, from the inboard edge, that the host vehicle's flank takes on the row of the horizon, "
+                 "from between the eyes", lambda use: finite(use.record(aim_in_use).aim.flank), group="Aim", local=True))
 register(Measure("horizon_share", "horizon", "of height", 3,
                  "share of the height, from the lower edge, at which the horizon lies in the middle of the width",
                  lambda use: finite(use.record(aim_in_use).aim.horizon), group="Aim", local=True))

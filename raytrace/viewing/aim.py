@@ -115,9 +115,10 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
         turn = turn + step
         if np.abs(turn).max() > MAX_TURN:
             break
-    raise TraceError(f"aim: no yaw and pitch shows the own flank on {100 * wanted.flank:g} % of the width with the horizon at "
-                     f"{100 * wanted.horizon:g} % of the height: the search ended at yaw {np.degrees(turn[0]):.1f}°, pitch "
-                     f"{np.degrees(turn[1]):.1f}°. Check the eye's place, the mirror's centre, hand and the vehicle's width")
+    raise TraceError(f"aim: no yaw and pitch shows the host vehicle's flank on {100 * wanted.flank:g} % of the width with "
+                     f"the horizon at {100 * wanted.horizon:g} % of the height: the search ended at yaw "
+                     f"{np.degrees(turn[0]):.1f}°, pitch {np.degrees(turn[1]):.1f}°. Check the eye's place, the mirror's "
+                     "centre, hand and the vehicle's width")
 
 
 def _refuse_eye(pose: Pose, eye: Array, place: Array, half_size: float) -> None:

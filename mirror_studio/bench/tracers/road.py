@@ -61,10 +61,10 @@ class _Builder:
 
 
 def street(seed: int = 7) -> TriangleWorld:
-    """Three lanes with traffic, our own flank, verges, trees and houses: some 400,000 triangles."""
+    """Three lanes with traffic, the host vehicle's flank, verges, trees and houses: some 400,000 triangles."""
     b = _Builder(np.random.default_rng(seed))
     _road(b)
-    _block(b, (1300.0, -450.0, 1500.0), (900.0, 480.0, 2300.0), 180.0, 24, (120, 24, 30))  # our own flank
+    _block(b, (1300.0, -450.0, 1500.0), (900.0, 480.0, 2300.0), 180.0, 24, (120, 24, 30))  # the host vehicle's flank
     _block(b, (1300.0, 180.0, 1900.0), (760.0, 330.0, 1500.0), 150.0, 16, GLASS, taper=0.25)
     lanes = [0.5 * (a + c) for a, c in pairwise(LANES_MM)]
     positions = ((1, 9_000.0), (0, 15_000.0), (2, 17_000.0), (1, 27_000.0), (0, 38_000.0), (1, 52_000.0), (2, 44_000.0),

@@ -29,9 +29,9 @@ export const FIGURES = [
     about: "RMS deviation of the whole shape operator from the laws; worked out when the hand rests." },
   ...[4, 10, 20, 30].map((at, i) => ({ id: `width-${at}`, label: `Ground seen ${at} m behind`, unit: "m", view: "road", fine: true,
     of: (a) => a.road?.figures?.seen_width_m[i]?.[1], show: deg,
-    about: `Width of the ground seen by either eye ${at} m behind the eyes, outward of the plane of the own flank and without a gap.` })),
+    about: `Width of the ground seen by either eye ${at} m behind the eyes, outward of the plane of the host vehicle's flank and without a gap.` })),
   { id: "nearest", label: "Nearest ground at the flank", unit: "m", view: "road", fine: true, of: (a) => a.road?.figures?.nearest_m, show: deg,
-    about: "Smallest distance behind the eyes at which the ground 0.1 m beside the own flank is seen by either eye." },
+    about: "Smallest distance behind the eyes at which the ground 0.1 m beside the host vehicle's flank is seen by either eye." },
   { id: "blind", label: "Lane beside in no view", unit: "m", view: "road", fine: true, of: (a) => a.road?.figures?.blind_length_m, show: deg,
     about: "Length along the middle of the lane beside, on the ground from 5 m ahead of the eyes to 60 m behind, that is neither seen in the mirror by either eye nor before the limit of direct view, 95° from straight ahead." },
 ];
