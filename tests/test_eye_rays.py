@@ -16,9 +16,12 @@ from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.ray_differentials import ray_differentials
+from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import LEVEL, RayFunction, edge_of
+from raytrace.visibility.edges import Edges
 from raytrace.visibility.image_points import follow_image_points, image_points
+from raytrace.visibility.plan import visible_intervals, visible_on_each
 from tests.conftest import designed
 
 Array = NDArray[np.float64]
@@ -169,3 +172,29 @@ def test_ends_that_touch_make_one_interval() -> None:
     assert rows.tolist() == [0, 1]
     assert low.tolist() == [0.0, 2.0]
     assert high.tolist() == [2.0, 3.0]
+
+
+@pytest.mark.parametrize("hand", POSES)
+def test_edges_asked_together_are_those_asked_alone(hand: str) -> None:
+    """Of one sheet that is turned, in one call; and with another surface among them, one by one."""
+    face, pose = sheet("progressive-c"), POSES[hand]
+    eye = EYE * [1.0, -1.0 if hand == "right" else 1.0, 1.0]
+    reflector = Reflector(face)
+    turned = [View(reflector, replace(pose, yaw=pose.yaw + turn), eye) for turn in (-0.1, 0.0, 0.1)]
+    together = Edges.of([edge_of(view) for view in turned])
+    mixed = Edges.of([edge_of(View(Reflector(searched(face)) if j == 1 else reflector, view.pose, eye))
+                      for j, view in enumerate(turned)])
+    assert together.sheet_rim is not None
+    assert mixed.sheet_rim is None
+    y = -2500.0 if hand == "left" else 2500.0
+    host = HostVehicle(900.0, -2000.0, 3000.0, 1450.0)
+    for edges in (together, mixed):
+        found = visible_on_each(edges, 1, y, 0.0, host, -5e3, 6e4)
+        assert len(found.row) > 1
+        of, _, _, level = edges.crossings(LEVEL)
+        for j, view in enumerate(turned):
+            alone = visible_intervals(edge_of(view), 1, np.array([y]), 0.0, host, -5e3, 6e4)
+            assert found.of(j).shape == alone.of(0).shape
+            assert np.abs(found.of(j) - alone.of(0)).max(initial=0.0) < 1e-6  # mm, of up to 60 m
+            directions = edge_of(view).crossings(LEVEL)[2].directions
+            assert np.abs(level[of == j] - directions).max() < 1e-11

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 FEW = 12  # designs that are done before a cluster of processes has started
 MEMORY = "2GiB"  # of a worker: a design takes some hundred MB
 DEATHS = 3  # of workers, on one design, before it is left
+PAUSE_S, LOOK_S = 0.02, 5.0  # between looks for rows that are done, and for workers
+GONE_S = 300.0  # without any worker, after which a study ends: one that died is there again much sooner
 REACHED_S = 10.0  # a scheduler answers within
 AT_ONCE = 500  # designs handed out: more would only fill the scheduler's memory
 
@@ -59,27 +62,54 @@ class Workers:
             yield judge(index, values, study.with_values(values), str(study.folder), study.scene, study.measures)
 
     def _on(self, client: Client, designs: Sequence[tuple[int, tuple[Value, ...]]], judge: Callable[..., Row]) -> Iterator[Row]:
+        died: list[tuple[int, tuple[Value, ...]]] = []
+        for design, row in self._done(client, designs, judge):
+            if row is None:
+                died.append(design)
+            else:
+                yield row
+        # What was at work in a worker when another design ended it is not told from that one: each once more, alone.
+        for design in died:
+            for (index, values), row in self._done(client, [design], judge):
+                yield row or failed(index, values, len(self.study.measures), f"{DEATHS} workers died on this design")
+
+    def _done(self, client: Client, designs: Sequence[tuple[int, tuple[Value, ...]]], judge: Callable[..., Row],
+              ) -> Iterator[tuple[tuple[int, tuple[Value, ...]], Row | None]]:
+        """Designs with their rows, as they are done; None for one that workers died with."""
         from distributed import as_completed
 
-        study = self.study
-        folder = str(study.folder.resolve())
+        study, folder = self.study, str(self.study.folder.resolve())
         handed = {client.submit(_alone, judge, index, values, study.with_values(values), folder, study.scene, study.measures,
                                 pure=False, retries=1): (index, values) for index, values in designs}
-        for future in as_completed(list(handed)):  # type: ignore[no-untyped-call]
-            index, values = handed[future]
-            if future.status == "finished":
-                yield future.result()
-            else:
-                error = future.exception()
-                died = type(error).__name__ == "KilledWorker"
-                yield failed(index, values, len(study.measures), f"{DEATHS} workers died on this design" if died else
-                             f"{type(error).__name__}: {error}")
+        coming = as_completed(list(handed))  # type: ignore[no-untyped-call]
+        alive = looked = time.monotonic()
+        while not coming.is_empty():
+            batch = coming.next_batch(block=False)
+            for future in batch:
+                design = handed[future]
+                if future.status == "finished":
+                    yield design, future.result()
+                elif type(error := future.exception()).__name__ == "KilledWorker":
+                    yield design, None
+                else:
+                    yield design, failed(*design, len(study.measures), f"{type(error).__name__}: {error}")
+            now = time.monotonic()
+            if not batch:
+                time.sleep(PAUSE_S)
+            if batch or (now - looked > LOOK_S and client.scheduler_info()["workers"]):
+                alive = now
+            looked = now if now - looked > LOOK_S else looked
+            if now - alive > GONE_S:
+                raise MirrorError(f"no worker has been there for {GONE_S:g} s: what is there is whole, and the same command "
+                                  "goes on from it")
 
     def _local(self) -> Client:
         import dask
         from distributed import Client, LocalCluster
 
-        dask.config.set({"distributed.scheduler.allowed-failures": DEATHS, "distributed.worker.daemon": True})
+        # A worker has one design at a time: another would be lost with it.
+        dask.config.set({"distributed.scheduler.allowed-failures": DEATHS - 1, "distributed.worker.daemon": True,
+                         "distributed.scheduler.worker-saturation": 1.0})
         cluster = self._stack.enter_context(LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=max(1, len(os.sched_getaffinity(0))), threads_per_worker=1, processes=True, memory_limit=MEMORY,
             dashboard_address="127.0.0.1:0", silence_logs=50))

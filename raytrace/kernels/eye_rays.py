@@ -54,6 +54,17 @@ class Sheet(NamedTuple):
     inverse_height: float
 
 
+class Posed(NamedTuple):
+    """Eyes (m, 3) in mirror coordinates, mm, and for each the rotation (m, 3, 3) and offset (m, 3) to other coordinates."""
+
+    eyes: Array
+    rotations: Array
+    offsets: Array
+
+
+NONE: Index = np.empty(0, dtype=np.intp)  # all rays are those of the first eye
+
+
 class Rim(NamedTuple):
     """The curves that bound a sheet, in (x, y).
 
@@ -305,10 +316,11 @@ def _settle(w, s, eye, wanted, n, at_infinity, settled, passes, longest, reach, 
 
 
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-def _solve(w, s, eye, starts, wanted, at_infinity, max_steps, settled, passes, smallest, longest, halved_to, best, kept,
+def _solve(w, s, eyes, of, starts, wanted, at_infinity, max_steps, settled, passes, smallest, longest, halved_to, best, kept,
            leaving):
     q, ray, point, out, miss, axes, step = (w[:12], w[12:15], w[15:18], w[18:21], w[21:23], w[23:33], w[33:35])
     for n in range(starts.shape[0]):
+        eye = eyes[of[n] if of.size else 0]
         at_x, at_y = starts[n, 0], starts[n, 1]
         best[n], kept[n, 0], kept[n, 1] = np.inf, at_x, at_y
         leaving[n, 0] = leaving[n, 1] = leaving[n, 2] = np.nan
@@ -363,13 +375,14 @@ def _solve(w, s, eye, starts, wanted, at_infinity, max_steps, settled, passes, s
             at_x, at_y = kept[n, 0] + step[0], kept[n, 1] + step[1]
 
 
-def image_points(sheet: Sheet, eye: Array, starts: Array, wanted: Array, at_infinity: bool, max_steps: int, settled: float,
-                 passes: float, smallest: float, longest: float, halved_to: float) -> tuple[Array, Array, Array]:
+def image_points(sheet: Sheet, eyes: Array, of: Index, starts: Array, wanted: Array, at_infinity: bool, max_steps: int,
+                 settled: float, passes: float, smallest: float, longest: float, halved_to: float,
+                 ) -> tuple[Array, Array, Array]:
     """Newton for the places of the picture plane z = 0 whose rays are reflected towards targets, from starts (n, 2).
 
     Parameters
     ----------
-    sheet, eye : in mirror coordinates, mm.
+    sheet : in mirror coordinates, mm.   eyes : (m, 3), there.   of : (n,), whose ray each is; empty where it is the first's.
     starts : (n, 2).   wanted : (n, 3), targets, or unit directions.   at_infinity : whether they are directions.
     max_steps : rays for each.   settled, passes : radians, at which it ends, and at which what betters nothing ends it.
     smallest, longest : steps, mm.   halved_to : of Newton's own step, down to which it is halved.
@@ -380,7 +393,7 @@ def image_points(sheet: Sheet, eye: Array, starts: Array, wanted: Array, at_infi
     """
     n = len(starts)
     best, kept, leaving = np.empty(n), np.empty((n, 2)), np.empty((n, 3))
-    _solve(np.zeros(40), sheet, eye, starts, wanted, at_infinity, max_steps, settled, passes, smallest, longest, halved_to,
+    _solve(np.zeros(40), sheet, eyes, of, starts, wanted, at_infinity, max_steps, settled, passes, smallest, longest, halved_to,
            best, kept, leaving)
     return kept, leaving, best
 
@@ -398,8 +411,10 @@ def _ray_through(s, eye, x, y, w):
 
 
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-def _trace(w, s, eye, places, rotation, offset, status, points, directions, on_mirror):
+def _trace(w, s, eyes, rotations, offsets, of, places, status, points, directions, on_mirror):
     for n in range(places.shape[0]):
+        p = of[n] if of.size else 0
+        eye, rotation, offset = eyes[p], rotations[p], offsets[p]
         status[n] = _ray_through(s, eye, places[n, 0], places[n, 1], w)
         if status[n] != HIT:
             for c in range(3):
@@ -413,13 +428,12 @@ def _trace(w, s, eye, places, rotation, offset, status, points, directions, on_m
             directions[n, c] = rotation[c, 0] * dx + rotation[c, 1] * dy + rotation[c, 2] * dz
 
 
-def trace(sheet: Sheet, eye: Array, places: Array, rotation: Array, offset: Array,
-          ) -> tuple[NDArray[np.int8], Array, Array, Array]:
-    """Trace the eye's rays through points of the picture plane, of which there are too few for blocks of them to be worth it.
+def trace(sheet: Sheet, posed: Posed, places: Array, of: Index = NONE) -> tuple[NDArray[np.int8], Array, Array, Array]:
+    """Trace eyes' rays through points of the picture plane, of which there are too few for blocks of them to be worth it.
 
     Parameters
     ----------
-    sheet, eye, rotation, offset : as in `reflected`.   places : (n, 2), mm.
+    sheet, posed, of : as in `reflected`.   places : (n, 2), mm.
 
     Returns
     -------
@@ -427,7 +441,7 @@ def trace(sheet: Sheet, eye: Array, places: Array, rotation: Array, offset: Arra
     """
     n = len(places)
     status, points, directions, on_mirror = np.empty(n, dtype=np.int8), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    _trace(np.zeros(15), sheet, eye, places, rotation, offset, status, points, directions, on_mirror)
+    _trace(np.zeros(15), sheet, posed.eyes, posed.rotations, posed.offsets, of, places, status, points, directions, on_mirror)
     return status, points, directions, on_mirror
 
 
@@ -522,8 +536,10 @@ def _reflected_at(s, eye, x, y, z, z_x, z_y, rotation, offset, ray):
 
 
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-def _reflected(w, s, eye, surface, rotation, offset, places, points, directions):
+def _reflected(w, s, eyes, rotations, offsets, of, surface, places, points, directions):
     for n in range(surface.shape[0]):
+        p = of[n] if of.size else 0
+        eye, rotation, offset = eyes[p], rotations[p], offsets[p]
         x, y, z, z_x, z_y = surface[n, 0], surface[n, 1], surface[n, 2], surface[n, 3], surface[n, 4]
         if not _reflected_at(s, eye, x, y, z, z_x, z_y, rotation, offset, w):
             return False
@@ -586,10 +602,11 @@ def values(functions, points, directions, found):
 
 
 @compiled(nogil=True, _nrt=False)
-def _roots(w, s, r, eye, rotation, offset, functions, vertex, low, high, at_low, at_high, settled, found):
+def _roots(w, s, r, eyes, rotations, offsets, of, functions, vertex, low, high, at_low, at_high, settled, found):
     q, ray, at = w[:12], w[12:24], w[24:26]
     for n in range(vertex.size):
-        k, f = vertex[n], functions[n if functions.shape[0] > 1 else 0]
+        k, f, p = vertex[n], functions[n if functions.shape[0] > 1 else 0], of[n] if of.size else 0
+        eye, rotation, offset = eyes[p], rotations[p], offsets[p]
         width = high[n] - low[n]
         here, other, third, at_here, at_other, at_third = 0.0, 1.0, 0.0, at_low[n], at_high[n], 0.0
         share = 0.5 if at_here == at_other else at_here / (at_here - at_other)  # a straight line: most are nearly that
@@ -624,22 +641,22 @@ def _places_on(r, vertex, share, at):
         _on_rim(r, vertex[n], share[n], at[n])
 
 
-def reflected(sheet: Sheet, eye: Array, surface: Array, rotation: Array, offset: Array) -> tuple[Array, Array, Array] | None:
-    """How the eye's rays to points of the sheet leave, without looking for these.
+def reflected(sheet: Sheet, posed: Posed, surface: Array, of: Index = NONE) -> tuple[Array, Array, Array] | None:
+    """How eyes' rays to points of the sheet leave, without looking for these.
 
     Parameters
     ----------
-    sheet, eye : in mirror coordinates, mm.   surface : (n, 5), as `surface_points` has them.
-    rotation, offset : (3, 3) and (3,), from mirror coordinates to others.
+    sheet : in mirror coordinates, mm.   posed : the eyes.
+    surface : (n, 5), as `surface_points` has them.   of : (n,), whose ray each is; empty where it is the first's.
 
     Returns
     -------
-    Places (n, 2) of the picture plane; points and unit directions (n, 3) in the other coordinates. None where the eye may not
-    see one of the points, or another part of the sheet before it.
+    Places (n, 2) of the picture plane; points and unit directions (n, 3) in the other coordinates. None where an eye may not
+    see one of its points, or another part of the sheet before it.
     """
     n = len(surface)
     places, points, directions = np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))
-    sure = _reflected(np.zeros(12), sheet, eye, surface, rotation, offset, places, points, directions)
+    sure = _reflected(np.zeros(12), sheet, posed.eyes, posed.rotations, posed.offsets, of, surface, places, points, directions)
     return (places, points, directions) if sure else None
 
 
@@ -650,13 +667,13 @@ def rim_places(rim: Rim, vertex: Index, share: Array) -> Array:
     return at
 
 
-def rim_roots(sheet: Sheet, rim: Rim, eye: Array, rotation: Array, offset: Array, functions: Array, vertex: Index, low: Array,
-              high: Array, at_low: Array, at_high: Array, settled: float) -> Array | None:
-    """Where functions of the rays to the rim vanish, as `raytrace.visibility.edge.roots` finds it.
+def rim_roots(sheet: Sheet, rim: Rim, posed: Posed, functions: Array, vertex: Index, low: Array, high: Array, at_low: Array,
+              at_high: Array, settled: float, of: Index = NONE) -> Array | None:
+    """Where functions of the rays to the rim vanish, as `raytrace.roots.roots` finds it.
 
     Parameters
     ----------
-    sheet, rim, eye, rotation, offset : as in `reflected`.
+    sheet, rim, posed, of : as in `reflected`.
     functions : (1, 10) or (n, 10), of rays from q along d: f0 + f1..3·q + f4..6·d + f7..9·(q × d).
     vertex : (n,), after which each lies.   low, high : (n,), shares of the way to the next, between which it lies.
     at_low, at_high : (n,), its values there, of opposite signs.   settled : of the bracket, to which a root is known.
@@ -666,6 +683,6 @@ def rim_roots(sheet: Sheet, rim: Rim, eye: Array, rotation: Array, offset: Array
     Shares (n,); None as in `reflected`.
     """
     found = np.empty(len(vertex))
-    sure = _roots(np.zeros(26), sheet, rim, eye, rotation, offset, functions, vertex, low, high, at_low, at_high, settled,
-                  found)
+    sure = _roots(np.zeros(26), sheet, rim, posed.eyes, posed.rotations, posed.offsets, of, functions, vertex, low, high,
+                  at_low, at_high, settled, found)
     return found if sure else None

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from raytrace.measures.asked import NearLane
 from raytrace.measures.in_use import MM_PER_M, MirrorInUse, metres
 from raytrace.measures.registry import Measure, register, register_family
-from raytrace.viewing.vehicle import HostVehicle
+from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edges import Edges
 from raytrace.visibility.intervals import IntervalSet, combined
-from raytrace.visibility.plan import ENDLESS_MM, Axis, Polygon, outlines, visible_intervals
+from raytrace.visibility.plan import ENDLESS_MM, Axis, Polygon, outlines, visible_intervals, visible_on_each
 
 Array = NDArray[np.float64]
 
@@ -129,6 +130,29 @@ def blind_along(left: View, right: View, host: HostVehicle | None, lane: NearLan
     """
     middle = np.array([0.5 * (lane.y_min_mm + lane.y_max_mm)])
     return _blind(left, right, host, 1, middle, height_mm, (FROM_MM, TO_MM), 0.5 * (left.eye + right.eye), direct_view)
+
+
+def blind_along_each(left: Edges, right: Edges, eyes: Eyes, host: HostVehicle | None, lane: NearLane, height_mm: float = 0.0,
+                     direct_view: float = DIRECT_VIEW) -> IntervalSet:
+    """Find the intervals of X along a lane's middle that are in its blind zone for each of several turns of a mirror.
+
+    Parameters
+    ----------
+    left, right : the edges of what either eye sees reflecting, turn by turn.
+    eyes : the ocular points.
+    host, lane, height_mm, direct_view : as for `blind_zone`.
+
+    Returns
+    -------
+    IntervalSet
+        mm, on rows numbered as the turns.
+    """
+    rows, at = np.arange(len(left)), 0.5 * (lane.y_min_mm + lane.y_max_mm)
+    whole = IntervalSet(rows, np.full(len(rows), FROM_MM), np.full(len(rows), TO_MM))
+    in_left, in_right = (visible_on_each(edges, 1, at, height_mm, host, FROM_MM, TO_MM) for edges in (left, right))
+    middle = 0.5 * (eyes.left + eyes.right)
+    return combined(lambda whole, a, b, c: whole & ~(a | b | c), whole, in_left, in_right,
+                    _direct(1, np.full(len(rows), at), middle, direct_view).clipped(FROM_MM, TO_MM))
 
 
 def hidden_car(zones: tuple[BlindZone, ...], lane: NearLane, length_mm: float = CAR_LENGTH_MM, width_mm: float = CAR_WIDTH_MM,

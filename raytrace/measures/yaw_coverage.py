@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
 from raytrace.measures.asked import NearLane
-from raytrace.measures.blind_zone import DIRECT_VIEW, TO_MM, blind_along
+from raytrace.measures.blind_zone import DIRECT_VIEW, TO_MM, blind_along_each
 from raytrace.measures.ground import side_of
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import LEVEL, edge_of
+from raytrace.visibility.edges import Edges
 from raytrace.visibility.orientation import orientation
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle
     -------
     YawCoverage
     """
-    found, endless, may_fold = np.full((len(turns), 3), np.nan), np.zeros(len(turns), dtype=np.bool_), True
+    looks, may_fold = [], True
     for k, turn in enumerate(turns):
         turned = replace(pose, yaw=pose.yaw + float(turn))
         try:
@@ -78,10 +79,18 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle
             may_fold = shown.converging  # what is nowhere concave does not become so by being turned
             if shown.twice:
                 continue
-        _, _, level = edge_of(middle).crossings(LEVEL)
-        azimuth = np.mod(np.arctan2(side_of(middle) * level.directions[:, 1], -level.directions[:, 0]), 2.0 * np.pi)
-        if len(azimuth):
-            found[k, :2] = azimuth.min(), azimuth.max()
-        blind = blind_along(left, right, host, lane, height_mm, direct_view)
-        found[k, 2], endless[k] = blind.total, bool((blind.high >= TO_MM).any())
+        looks.append((k, middle, left, right))
+    found, endless = np.full((len(turns), 3), np.nan), np.zeros(len(turns), dtype=np.bool_)
+    if not looks:
+        return YawCoverage(turns, found[:, 0], found[:, 1], found[:, 2], endless)
+    at = np.array([k for k, *_ in looks])
+    middles, lefts, rights = (Edges.of([edge_of(look[c]) for look in looks]) for c in (1, 2, 3))
+    of, _, _, level = middles.crossings(LEVEL)
+    azimuth = np.mod(np.arctan2(side_of(looks[0][1]) * level[:, 1], -level[:, 0]), 2.0 * np.pi)
+    for j, k in enumerate(at):
+        if (of == j).any():
+            found[k, :2] = azimuth[of == j].min(), azimuth[of == j].max()
+    blind = blind_along_each(lefts, rights, eyes, host, lane, height_mm, direct_view)
+    found[at, 2] = np.bincount(blind.row, blind.high - blind.low, minlength=len(at))
+    endless[at[np.unique(blind.row[blind.high >= TO_MM])]] = True
     return YawCoverage(turns, found[:, 0], found[:, 1], found[:, 2], endless)

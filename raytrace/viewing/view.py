@@ -102,6 +102,11 @@ class View:
         return self.pose.to_mirror(self.eye)
 
     @cached_property
+    def posed(self) -> eye_rays.Posed:
+        """The eye and the pose, as the kernels take them."""
+        return eye_rays.Posed(self.eye_in_mirror[None], self.pose.rotation[None], self.pose.offset[None])
+
+    @cached_property
     def box(self) -> Box:
         """(x_min, x_max, y_min, y_max) of what reflects, in mirror coordinates."""
         return box_of(self.reflector)
@@ -135,7 +140,7 @@ class View:
         """Trace the eye's rays through points (n, 2) of the picture plane, mm."""
         sheet = self.reflector.surface.sheet if len(places) <= ONE_BY_ONE and self.reflector.obstacles is None else None
         if sheet is not None:
-            return TracedRays(*eye_rays.trace(sheet, self.eye_in_mirror, places, self.pose.rotation, self.pose.offset))
+            return TracedRays(*eye_rays.trace(sheet, self.posed, places))
         rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - self.eye_in_mirror
         trace = reflect(self.reflector, self.eye_in_mirror, rays)
         return TracedRays(trace.status, self.pose.to_vehicle(trace.points),

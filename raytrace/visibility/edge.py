@@ -55,6 +55,10 @@ class RayFunction:
         n = next((len(part) for part in parts if len(part) != 1), 1)
         return RayFunction(np.concatenate([np.broadcast_to(part, (n, part.shape[1])) for part in parts], axis=1))
 
+    def some(self, rows: Index) -> RayFunction:
+        """Those of some rays, where there is one a ray."""
+        return self if len(self.coefficients) == 1 else RayFunction(self.coefficients[rows])
+
     def __call__(self, points: Array, directions: Array) -> Array:
         """Values (n,) of rays from points (n, 3) along directions (n, 3)."""
         found = np.empty(len(points))
@@ -116,8 +120,7 @@ class Edge:
         if self.sheet_rim is not None:
             sheet, rim = self.sheet_rim
             surface = eye_rays.surface_points(sheet, eye_rays.rim_places(rim, k, t))
-            pose = self.view.pose
-            sure = eye_rays.reflected(sheet, self.view.eye_in_mirror, surface, pose.rotation, pose.offset)
+            sure = eye_rays.reflected(sheet, self.view.posed, surface)
             if sure is not None:
                 return sure[0], TracedRays(np.zeros(len(k), dtype=np.int8), *sure[1:], surface[:, :3])
         places = self.way(k, t)
@@ -226,9 +229,8 @@ class Edge:
         """
         if isinstance(value, RayFunction) and self.sheet_rim is not None and len(k):
             whole = np.zeros(len(k))
-            pose = self.view.pose
-            share = eye_rays.rim_roots(*self.sheet_rim, self.view.eye_in_mirror, pose.rotation, pose.offset,
-                                       value.coefficients, k, whole + low, whole + high, at_low, at_high, SETTLED)
+            share = eye_rays.rim_roots(*self.sheet_rim, self.view.posed, value.coefficients, k, whole + low, whole + high,
+                                       at_low, at_high, SETTLED)
             if share is not None:
                 return self.between(k, share)
 
@@ -262,7 +264,7 @@ def edge_of(view: View) -> Edge:
         whole = view.untrimmed if face is view.reflector.surface else replace(view, reflector=_alone(face).untrimmed)
         sheet = whole.reflector.surface.sheet
         if sheet is not None and not _stands_before(view, rim.points):
-            sure = eye_rays.reflected(sheet, view.eye_in_mirror, _on_sheet(face), view.pose.rotation, view.pose.offset)
+            sure = eye_rays.reflected(sheet, view.posed, _on_sheet(face))
             if sure is not None:
                 return Edge(view, whole, True, True, *sure, rim.following, lambda k, t: view.places_of(rim.at(k, t)),
                             (sheet, rim.pieces))

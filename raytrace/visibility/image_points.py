@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from raytrace.kernels import eye_rays
 from raytrace.kernels import image_points as kernel
+from raytrace.kernels.eye_rays import Sheet
 from raytrace.parallel import parallel_for
 from raytrace.surfaces.base import Box, OpticalSurface
 from raytrace.trace import reflect
 from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 # An image point is found when its reflected ray passes the target by less: far above rounding, and 2e-5″. Newton goes on to
@@ -94,9 +96,7 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
     wanted = np.ascontiguousarray(view.pose.directions_to_mirror(targets) if at_infinity else view.pose.to_mirror(targets))
     sheet = reflector.surface.sheet
     if sheet is not None and reflector.obstacles is None:
-        return eye_rays.image_points(
-            sheet, eye, np.ascontiguousarray(starts), wanted, at_infinity, max_steps, SETTLED, PASSES_BY, SMALLEST_STEP * size,
-            LONGEST_STEP * size, HALVED_TO)
+        return solve_on_sheet(sheet, eye[None], eye_rays.NONE, starts, wanted, at_infinity, max_steps, size)
     best, kept, leaving = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan)
     # Of the rays that are still going: which they are, where they are, their last steps and how short these may become.
     going = np.flatnonzero(np.isfinite(starts).all(axis=1) & np.isfinite(wanted).all(axis=1))
@@ -123,6 +123,13 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
     return kept, leaving, best
 
 
+def solve_on_sheet(sheet: Sheet, eyes: Array, of: Index, starts: Array, wanted: Array, at_infinity: bool, max_steps: int,
+                   size_mm: float) -> tuple[Array, Array, Array]:
+    """`eye_rays.image_points` with the numbers of this file; `size_mm` : the mirror's width."""
+    return eye_rays.image_points(sheet, eyes, of, np.ascontiguousarray(starts), wanted, at_infinity, max_steps, SETTLED,
+                                 PASSES_BY, SMALLEST_STEP * size_mm, LONGEST_STEP * size_mm, HALVED_TO)
+
+
 @lru_cache(maxsize=8)
 def _start_rays(view: View) -> tuple[Array, Array, Array]:
     """Points (m, 2) of a grid over the mirror and beside it, those that the sheet reflects at, and their rays.
@@ -132,8 +139,8 @@ def _start_rays(view: View) -> tuple[Array, Array, Array]:
     untrimmed = view.untrimmed
     sheet = untrimmed.reflector.surface.sheet
     if sheet is not None:  # the points of the sheet itself over the grid: the same for every eye
-        surface = _grid_on_sheet(untrimmed.reflector.surface, view.box)
-        sure = eye_rays.reflected(sheet, view.eye_in_mirror, surface, view.pose.rotation, view.pose.offset)
+        surface = grid_on_sheet(untrimmed.reflector.surface, view.box)
+        sure = eye_rays.reflected(sheet, view.posed, surface)
         if sure is not None:
             return sure
     x, y = _start_grid(view.box)
@@ -152,7 +159,7 @@ def _start_grid(box: Box) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _grid_on_sheet(surface: OpticalSurface, box: Box) -> Array:
+def grid_on_sheet(surface: OpticalSurface, box: Box) -> Array:
     """The start grid as `eye_rays.surface_points` has it, without what lies beside the sheet."""
     at = np.stack(_start_grid(box), axis=1)
     assert surface.sheet is not None

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from raytrace.kernels import plan as kernel
 from raytrace.viewing.vehicle import HostVehicle
-from raytrace.viewing.view import Mask, View
+from raytrace.viewing.view import Mask
 from raytrace.visibility.edge import Edge, RayFunction
-from raytrace.visibility.image_points import follow_image_points
+from raytrace.visibility.edges import Edges
 from raytrace.visibility.intervals import IntervalSet, combined, union
 from raytrace.visibility.occlusion import unhidden
 
@@ -49,9 +49,31 @@ def visible_intervals(edge: Edge, axis: Axis, values: Array, height_mm: float = 
     IntervalSet
         On rows numbered as the values, mm of the other coordinate.
     """
-    if len(edge.places) == 0:
-        return IntervalSet(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0))
-    cuts = _cuts(edge, axis, values, height_mm)
+    return _visible(Edges.of([edge]), np.zeros(len(values), dtype=np.intp), axis, values, height_mm, host, low, high)
+
+
+def visible_on_each(edges: Edges, axis: Axis, value_mm: float, height_mm: float = 0.0, host: HostVehicle | None = None,
+                    low: float = -ENDLESS_MM, high: float = ENDLESS_MM) -> IntervalSet:
+    """Find the parts of one line of a level plane that are seen with each of several edges.
+
+    Parameters
+    ----------
+    edges : of what several eyes see reflecting.
+    axis, height_mm, host, low, high : as for `visible_intervals`.
+    value_mm : where the line is.
+
+    Returns
+    -------
+    IntervalSet
+        On rows numbered as the edges, mm of the other coordinate.
+    """
+    return _visible(edges, np.arange(len(edges)), axis, np.full(len(edges), value_mm), height_mm, host, low, high)
+
+
+def _visible(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float, host: HostVehicle | None, low: float,
+             high: float) -> IntervalSet:
+    """The visible parts of lines, values (n,), each with the edge of (n,) that it is seen with; those of one edge rise."""
+    cuts = _cuts(edges, of, axis, values, height_mm)
     first, last = np.maximum(cuts.low, low), np.minimum(cuts.high, high)
     kept = first < last
     cuts, first, last = cuts.take(kept), first[kept], last[kept]
@@ -59,9 +81,13 @@ def visible_intervals(edge: Edge, axis: Axis, values: Array, height_mm: float = 
         return IntervalSet(cuts.row, first, last)
     ends = np.empty((2, len(first), 2))
     ends[:, :, axis], ends[:, :, 1 - axis] = values[cuts.row], (first, last)
-    open_to_all = beside(edge, host, ends)
+    open_to_all = np.empty(len(first), dtype=np.bool_)
+    for j, edge in enumerate(edges.edges):
+        rows = np.flatnonzero(of[cuts.row] == j)
+        if rows.size:
+            open_to_all[rows] = beside(edge, host, ends[:, rows])
     hidden = np.flatnonzero(~open_to_all)
-    rest = _unhidden(edge.view, axis, values, height_mm, host, cuts.take(hidden), first[hidden], last[hidden])
+    rest = _unhidden(edges, of, axis, values, height_mm, host, cuts.take(hidden), first[hidden], last[hidden])
     return union(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), rest)
 
 
@@ -79,7 +105,7 @@ class _Cuts:
         return _Cuts(self.row[which], self.low[which], self.high[which], self.at_low[which], self.at_high[which])
 
 
-def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
+def _cuts(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float) -> _Cuts:
     """Where rays through the edge meet the lines, two by two.
 
     A ray from q along d meets the plane at q + d·(q_z − h)/D with D = −d_z, so at N/D on the axis with
@@ -88,36 +114,41 @@ def _cuts(edge: Edge, axis: Axis, values: Array, height_mm: float) -> _Cuts:
     above the plane for l it is the angle that the mirror sees the line at, which changes little between neighbours also below
     the mirror.
     """
-    k, row = kernel.swept_lines(edge.points, edge.directions, edge.following, axis, height_mm, values, LEAST_HEIGHT_MM, WRAP)
+    swept = []
+    for j, edge in enumerate(edges.edges):
+        rows = np.flatnonzero(of == j) if len(edges) > 1 else np.arange(len(of))
+        if len(edge.places) and rows.size:
+            after, line = kernel.swept_lines(edge.points, edge.directions, edge.following, axis, height_mm, values[rows],
+                                             LEAST_HEIGHT_MM, WRAP)
+            swept.append((after, rows[line]))
+    none = np.zeros(0, dtype=np.intp)
+    k, row = (np.concatenate([none, *(part[c] for part in swept)]) for c in (0, 1))
     # On which side a ray passes the line: (value − q_axis)·d_z − (height − q_z)·d_axis.
     coefficients = np.zeros((len(row), 10))
     coefficients[:, 6], coefficients[:, 4 + axis] = values[row], -height_mm
     coefficients[:, 8 if axis == 0 else 7] = 1.0 if axis == 0 else -1.0
-    side = RayFunction(coefficients)
-    after = edge.following[k]
-    places, traced = edge.settle(k, side(edge.points[k], edge.directions[k]), side(edge.points[after], edge.directions[after]),
-                                 side)
+    places, points, directions = edges.settle(of[row], k, RayFunction(coefficients))
     across = 1 - axis
-    reach = (height_mm - traced.points[:, 2]) / traced.directions[:, 2]
-    other = traced.points[:, across] + reach * traced.directions[:, across]
-    row, other, places = _ended(edge, axis, values, height_mm, row, other, places)
+    reach = (height_mm - points[:, 2]) / directions[:, 2]
+    other = points[:, across] + reach * directions[:, across]
+    row, other, places = _ended(edges, of, axis, values, height_mm, row, other, places)
     order = np.lexsort((other, row))
     low, high = order[::2], order[1::2]
     return _Cuts(row[low], other[low], other[high], places[low], places[high])
 
 
-def _ended(edge: Edge, axis: Axis, values: Array, height_mm: float, row: Index, other: Array, places: Array,
+def _ended(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float, row: Index, other: Array, places: Array,
            ) -> tuple[Index, Array, Array]:
     """The crossings, with an end at ENDLESS_MM for lines that the mirror shows without one."""
     odd = np.bincount(row, minlength=len(values)) % 2 == 1
     # Both ends of a line are shown only by what shows more than half of the world.
-    asked = np.arange(len(values)) if edge.shows_more_than_half(edge.middle()) else np.flatnonzero(odd)
+    asked = np.flatnonzero(odd | edges.show_more_than_half[of])
     if asked.size == 0:
         return row, other, places
     ends = np.empty((2, len(asked), 3))
     ends[:, :, axis], ends[:, :, 2] = values[asked], height_mm
     ends[:, :, 1 - axis] = np.array([[-ENDLESS_MM], [ENDLESS_MM]])
-    found, seen = edge.image_points(ends.reshape(-1, 3))
+    found, seen = edges.image_points(np.tile(of[asked], 2), ends.reshape(-1, 3))
     # Of a line with one crossing one end is shown, else none or both; where that is not to be told, the line is left out.
     seen_at = seen.reshape(2, -1)
     told = (seen_at[0] != seen_at[1]) == odd[asked]
@@ -150,22 +181,22 @@ def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
     return found
 
 
-def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, host: HostVehicle, cuts: _Cuts, first: Array,
-              last: Array) -> IntervalSet:
+def _unhidden(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float, host: HostVehicle, cuts: _Cuts,
+              first: Array, last: Array) -> IntervalSet:
     """The parts of `cuts` between first and last (m,) that the vehicle does not hide."""
     m = len(cuts.row)
-    value = values[cuts.row]
+    value, owner = values[cuts.row], of[cuts.row]
     # Places on a line are reckoned by the angle at which the mirror sees them: so are they spread over the picture.
-    middle = view.pose.to_vehicle(np.zeros(3))
-    away = np.hypot(value - middle[axis], height_mm - middle[2])
-    low, high, begin, end = (np.arctan2(at - middle[1 - axis], away) for at in (cuts.low, cuts.high, first, last))
+    middle = edges.posed.offsets[owner]  # where the mirror's origin is
+    away = np.hypot(value - middle[:, axis], height_mm - middle[:, 2])
+    low, high, begin, end = (np.arctan2(at - middle[:, 1 - axis], away) for at in (cuts.low, cuts.high, first, last))
 
     def segments(angle: Array, which: Index, starts: Array) -> tuple[Array, Array, Array]:
         """Where lines are at such an angle, the places that show it, and where their rays leave the mirror."""
         target = np.empty((len(which), 3))
         target[:, axis], target[:, 2] = value[which], height_mm
-        target[:, 1 - axis] = middle[1 - axis] + away[which] * np.tan(angle)
-        places, points = follow_image_points(view, starts, target)
+        target[:, 1 - axis] = middle[which, 1 - axis] + away[which] * np.tan(angle)
+        places, points = edges.follow_image_points(owner[which], starts, target)
         return target, places, points
 
     share = np.linspace(0.0, 1.0, GRID_SHAPE)
@@ -185,7 +216,7 @@ def _unhidden(view: View, axis: Axis, values: Array, height_mm: float, host: Hos
     found = unhidden(host, part, at, (points, target), rays)
     # The ends that are not the vehicle's are known better than by their angle.
     at_begin, at_end = found.low == begin[found.row], found.high == end[found.row]
-    low, high = (middle[1 - axis] + away[found.row] * np.tan(one) for one in (found.low, found.high))
+    low, high = (middle[found.row, 1 - axis] + away[found.row] * np.tan(one) for one in (found.low, found.high))
     found_low, found_high = np.where(at_begin, first[found.row], low), np.where(at_end, last[found.row], high)
     kept = found_low < found_high
     return combined(lambda seen: seen, IntervalSet(cuts.row[found.row[kept]], found_low[kept], found_high[kept]))
