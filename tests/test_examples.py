@@ -54,6 +54,14 @@ def test_design_to_step(run: Any) -> None:
     assert has_content(Path("design_to_step.png"))
 
 
+def test_made_mirror(run: Any) -> None:
+    """A bump of 80 µm is found where it is: at its top κ is 2·0.08/45² = 7.9e-5/mm, 8 to 10 % of what the design has there."""
+    names = run("made_mirror.py")
+    assert has_content(Path("made_mirror.png"))
+    assert np.hypot(names["x_worst"] - 40.0, names["y_worst"] - 60.0) < 20.0
+    assert abs(names["kx"][names["worst"]] - 9.0) < 2.5
+
+
 def test_deviation_report(run: Any) -> None:
     """k1 misses by 3.67 % where the design is integrated exactly and its curvature taken from the sag's derivatives."""
     names = run("deviation_report.py")

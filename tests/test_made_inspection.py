@@ -149,6 +149,18 @@ def test_half_a_mirror_cannot_pass_but_it_can_fail() -> None:
     assert verdict(inspect(nominal("sphere-950"), at, align="none").fields, 5.0).outcome == "fail"
 
 
+def test_three_datum_places_take_height_and_tilt_away_and_nothing_else() -> None:
+    """A mirror that stands 2 mm too high and tilted by 0.3° is laid down; one that is 1 mm to the side stays there."""
+    tilted = Motion.identity().then(np.radians([0.3, -0.2, 0.0]), np.array([0.0, 0.0, 2.0]), np.zeros(3))
+    found = inspect(nominal("sphere-950"), tilted.of_points(points("sphere-950")), align="321")
+    main = figures(found.nominal, found.fields)
+    assert abs(main.height.largest or 1.0) < 1e-6
+    beside = inspect(nominal("progressive-c"), points("progressive-c") + [1.0, 0.0, 0.0], align="321")
+    assert beside.motion.translation[:2] == pytest.approx([0.0, 0.0], abs=0.05)
+    with pytest.raises(AlignmentError, match="datum place"):
+        inspect(nominal("sphere-950"), points("sphere-950") + [500.0, 0.0, 0.0], align="321")
+
+
 def test_the_covariance_of_the_pose_is_the_scatter_of_many() -> None:
     """All six, at the place that they are told about."""
     rng = np.random.default_rng(11)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.made.alignment import Alignment, AlignmentError, best_fit
+from mirror_cad.made.datums import on_three_points
 from mirror_cad.made.fields import DeviationFields, deviation_fields
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.nominal import Nominal
@@ -23,8 +24,11 @@ Align = Literal["none", "321", "best-fit"]
 
 GAUGE_MM = 38.0  # a usual spherometer's outer feet
 BEYOND_MM = 2.0  # outside the outline: points farther off are not of the mirror
+LAST_STEPS = 2  # with all points, from where a part of them led: the first is off by its square
 FEW = 40_000  # points that an alignment is found with before all of them have their say
 LEAST_POINTS = 6
+# Odd numbers that spread the bits of coordinates over a key: two of a million points share one by chance once in 10⁷ files.
+MIXING = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 STRANGE = 0.05  # of the mirror's size, RMS after alignment: no mirror of this design
 MANY = 0.3  # of the points: more that agree with no surface are another one
 HOLLOW = 0.1  # of the residuals within half their RMS; of a normal distribution 0.38
@@ -40,6 +44,8 @@ class Inspection:
         The design.
     motion : Motion
         Measured points to the design.
+    align : str
+        How they were laid on it.
     alignment : Alignment or None
         How well the best fit is known; None for the other alignments.
     points : ndarray
@@ -62,6 +68,7 @@ class Inspection:
 
     nominal: Nominal
     motion: Motion
+    align: Align
     alignment: Alignment | None
     points: Array
     used: Mask
@@ -109,7 +116,9 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
     if len(first) < len(points):
         left_out["duplicates"] = len(points) - len(first)
     motion, alignment = given or Motion.identity(), None
-    if align != "none" and len(points):
+    if align == "321" and len(points):
+        motion = on_three_points(nominal, points[first], motion)
+    elif align == "best-fit" and len(points):
         alignment = _aligned(nominal, points[first], None if sigmas is None else sigmas[first], motion)
         motion = alignment.motion
     at = motion.of_points(points)
@@ -132,7 +141,8 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
     if len(rows):
         _refuse_two_surfaces(found)
     fields = deviation_fields(nominal, found, gauge_mm)
-    return Inspection(nominal, motion, alignment, at, used, rows, left_out, found, fields, found.sigma_mm, sigmas is not None)
+    return Inspection(nominal, motion, align, alignment, at, used, rows, left_out, found, fields, found.sigma_mm,
+                      sigmas is not None)
 
 
 def _aligned(nominal: Nominal, points: Array, sigmas: Array | None, given: Motion) -> Alignment:
@@ -145,7 +155,7 @@ def _aligned(nominal: Nominal, points: Array, sigmas: Array | None, given: Motio
     if len(points) > FEW:
         some = slice(None, None, len(points) // FEW)
         motion = best_fit(nominal, points[some], start.motion, None if sigmas is None else sigmas[some]).motion
-        return best_fit(nominal, points, motion, sigmas)
+        return best_fit(nominal, points, motion, sigmas, LAST_STEPS)
     return best_fit(nominal, points, start.motion, sigmas)
 
 
@@ -168,6 +178,9 @@ def _refuse_two_surfaces(found: Reconstruction) -> None:
 
 def _first_of_equal(points: Array) -> NDArray[np.int64]:
     """The rows that no earlier row equals, rising."""
-    rows = np.ascontiguousarray(points + 0.0)
-    _, first = np.unique(rows.view("V24").ravel(), return_index=True)
+    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)
+    with np.errstate(over="ignore"):
+        keys = ((bits[:, 0] * MIXING[0] ^ bits[:, 1]) * MIXING[1] ^ bits[:, 2]) * MIXING[2]
+    keys ^= keys >> np.uint64(29)
+    _, first = np.unique(keys, return_index=True)
     return np.sort(first)

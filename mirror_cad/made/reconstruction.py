@@ -13,7 +13,7 @@ from mirror_cad.made.alignment import robust_sigma, tukey
 from mirror_cad.made.coverage import Coverage
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.smoothing import smoothed
-from mirror_cad.made.spline_fit import Combined, Observations, Space, SplineFit, fit_spline, predicted
+from mirror_cad.made.spline_fit import Combined, Observations, Space, SplineFit, fit_spline, predicted, with_sigmas
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ MAX_COEFFICIENTS = 3000  # whose covariance is held whole
 POINTS_PER_COEFFICIENT = 1.6  # at least, where points lie
 MARGIN_MM = 15.0  # beyond the outline, as far as the design has a sheet
 COARSE = (6, 8)  # spans that outliers are looked for with
+FEW = 100_000  # points that spans are chosen with
 CELL_POINTS = 9  # whose median a point is compared with
 OUTLIER = 8.0  # sigmas
 BACK = 5.0  # sigmas within which a point counts after all
@@ -129,8 +130,11 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     chosen: SplineFit | None = None
     best, tried = np.inf, []
     principle = "generalised cross-validation"
+    some = kept.copy()
+    if len(points) > FEW:  # a part of them tells which spans serve
+        some &= np.arange(len(points)) % (len(points) // FEW) == 0
     for space in spaces(nominal, coverage, gauge_mm, count):
-        fit = fitted(space, kept)
+        fit = fitted(space, some)
         share = 1.0 - min(fit.determined / max(fit.used, 1), 1.0 - 1e-9)
         gcv = np.sqrt(fit.chi2 / max(fit.used, 1)) / share
         tried.append((float(np.mean(space.span_mm)), fit.scale, float(gcv)))
@@ -141,6 +145,8 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
             chosen, principle = fit, "discrepancy: the longest spans whose residuals are as large as the stated sigma"
             break
     assert chosen is not None  # there is a space
+    if len(points) > FEW:
+        chosen = fitted(chosen.space, kept)
     residuals = (observed.values - predicted(chosen, observed)) / tilt
     # A point that was taken for an outlier may be the surface itself.
     sigma = robust_sigma((residuals / given)[kept]) if kept.any() else 0.0
@@ -154,8 +160,7 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     if not stated and np.isfinite(chosen.scale) and chosen.scale > 0.0:
         # Once more with the sigma that was found: the prior, which holds what was not measured, is weighed against it.
         given = given * chosen.scale
-        observed = Observations.of_heights(x, y, points[:, 2] - z, given * tilt)
-        chosen = fitted(chosen.space, kept)
+        chosen = with_sigmas(chosen, chosen.scale, prior)
     scale = chosen.scale if np.isfinite(chosen.scale) else 1.0
     factor = max(1.0, scale) if stated else scale
     sigma_mm = factor * float(np.median(given)) if len(given) else float("nan")

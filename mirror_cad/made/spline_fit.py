@@ -7,7 +7,7 @@ point, or a sum of such. What no observation tells is held by the thin-plate ene
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -232,25 +232,55 @@ def fit_spline(space: Space, observations: Observations, combined: Sequence[Comb
         row = combined_row(space, each)
         data += np.outer(row, row) / each.sigma**2
         vector += row * each.value / each.sigma**2
-    energy, level = _energy(space), _level(space)
-    hx, hy = space.span_mm
-    total = float(np.trace(data))
-    held = (energy * max(1.0 / (prior_curvature**2 * hx * hy), LEAST_ENERGY * total / energy.trace())
-            + level * max(1.0, LEAST_ENERGY * total / level.trace())).tocoo()
+    held = _prior(space, float(np.trace(data)), prior_curvature)
     data[held.row, held.col] += held.data
     try:
-        factor = cho_factor(data, lower=True, check_finite=False)
+        fit = _solved(space, data, vector, held)
     except LinAlgError:
         raise SurfaceError(f"{observations.x.size} observations do not determine a surface of {nx} × {ny} "
                            "coefficients") from None
+    chi2 = float(weights @ (observations.values - predicted(fit, observations)) ** 2) if observations.x.size else 0.0
+    c = fit.coefficients.ravel()
+    chi2 += sum(((each.value - float(combined_row(space, each) @ c)) / each.sigma) ** 2 for each in combined)
+    used = int((observations.weights > 0.0).sum()) + len(combined)
+    return replace(fit, chi2=chi2, used=used)
+
+
+def with_sigmas(fit: SplineFit, factor: float, prior_curvature: float) -> SplineFit:
+    """The fit of the same observations with all their sigmas multiplied.
+
+    Parameters
+    ----------
+    fit : SplineFit
+        With their sigmas as they were.
+    factor : float
+        Above 0.
+    prior_curvature : float
+        As for `fit_spline`.
+    """
+    data = fit.normal.copy()
+    data[fit.held.row, fit.held.col] -= fit.held.data
+    data /= factor**2
+    held = _prior(fit.space, float(np.trace(data)), prior_curvature)
+    data[held.row, held.col] += held.data
+    return replace(_solved(fit.space, data, fit.vector / factor**2, held), chi2=fit.chi2 / factor**2, used=fit.used)
+
+
+def _prior(space: Space, total: float, curvature: float) -> coo_array:
+    """What holds what no observation tells, beside a normal matrix of this trace."""
+    energy, level = _energy(space), _level(space)
+    hx, hy = space.span_mm
+    return (energy * max(1.0 / (curvature**2 * hx * hy), LEAST_ENERGY * total / energy.trace())
+            + level * max(1.0, LEAST_ENERGY * total / level.trace())).tocoo()
+
+
+def _solved(space: Space, matrix: Array, vector: Array, held: coo_array) -> SplineFit:
+    """The coefficients, without χ². Raises: LinAlgError."""
+    factor = cho_factor(matrix, lower=True, check_finite=False)
     coefficients = cho_solve(factor, vector, check_finite=False)
     # Once more on what is left: the normal equations alone lose half the digits.
-    coefficients += cho_solve(factor, vector - data @ coefficients, check_finite=False)
-    fit = SplineFit(space, coefficients.reshape(nx, ny), 0.0, 0, data, vector, held, factor)
-    chi2 = float(weights @ (observations.values - predicted(fit, observations)) ** 2) if observations.x.size else 0.0
-    chi2 += sum(((each.value - float(combined_row(space, each) @ coefficients)) / each.sigma) ** 2 for each in combined)
-    used = int((observations.weights > 0.0).sum()) + len(combined)
-    return SplineFit(space, fit.coefficients, chi2, used, data, vector, held, factor)
+    coefficients += cho_solve(factor, vector - matrix @ coefficients, check_finite=False)
+    return SplineFit(space, coefficients.reshape(space.shape), 0.0, 0, matrix, vector, held, factor)
 
 
 def predicted(fit: SplineFit, observations: Observations) -> Array:

@@ -13,6 +13,7 @@ UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inches": 25.4, "µm": 1e-3}  # in 
 LARGEST = 1.35  # of the design's size: what points of a mirror may reach over
 SMALLEST = 0.02
 CURVED = 1e-3  # of its size: a larger sag tells a radius
+FEW = 20_000  # points that tell both
 NEAR = 1.6  # factor within which a radius is the design's
 
 
@@ -48,6 +49,7 @@ def likely_unit(nominal: Nominal, points: Array) -> str | None:
 
 def _size_and_radius(points: Array) -> tuple[float, float | None]:
     """What points reach over, without far outliers, and the radius of the sphere through them; None where they are flat."""
+    points = points[:: max(1, len(points) // FEW)]
     middle = np.median(points, axis=0)
     reach = np.linalg.norm(points - middle, axis=1)
     kept = points[reach <= 3.0 * np.median(reach)]

@@ -94,9 +94,9 @@ def _unit(found: Inspection) -> str:
 
 def _curvature(found: Inspection, key: str) -> tuple[Array, Array]:
     fields = found.fields
-    if fields.flat:
-        return 1e3 * getattr(fields.curvature, key), 1e3 * getattr(fields.curvature_sigma, key)
-    return fields.percent(key)  # type: ignore[arg-type]  # one of QUANTITIES
+    value, sigma = ((1e3 * getattr(fields.curvature, key), 1e3 * getattr(fields.curvature_sigma, key)) if fields.flat else
+                    fields.percent(key))  # type: ignore[arg-type]  # one of QUANTITIES
+    return np.where(fields.known, value, np.nan), np.where(fields.known, sigma, np.nan)
 
 
 def _row(found: Inspection, maps: list[tuple[str, Array, bool]], one_scale: bool = False, width: float = 1.0) -> bytes:

@@ -64,8 +64,9 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
                  "normals, each with its sigma. Grey: not measured."),
                 (png_uri(curvature_maps(found)), f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, "
                                               "convex "
-                 "positive. Near the rim the gauge does not stand whole, and what is left of its disc tells less; these places "
-                 "count for no figure above."),
+                 "positive. Grey: there the whole gauge does not stand on the mirror and on measured points; what is left of "
+                 "its "
+                 "disc tells less, and is in the table of maps with its larger sigma."),
                 (png_uri(sigma_maps(found)), "How sure that is: one sigma.")]
     seen = [] if view is None else [SeenRow(
         each.title, each.unit, fixed(each.designed, each.decimals), fixed(each.measured, each.decimals),
@@ -145,7 +146,8 @@ def basis(found: Inspection, source: str, against: str) -> list[tuple[str, str]]
         "as stated" + (f", times {number(reconstruction.sigma_factor)} because the residuals are larger"
                        if reconstruction.sigma_factor > 1.05 else "") if found.sigma_stated else
         "from the residuals"))
-    placed = "as given" if alignment is None else "best fit to the exact surface"
+    placed = {"none": "as given", "321": "height and tilt by three places of the face, the rest as given",
+              "best-fit": "best fit to the exact surface"}[found.align]
     if alignment is not None and alignment.undetermined:
         placed += (f"; {alignment.undetermined} of the six directions of motion are not told by the shape (a sphere may turn "
                    "about "

@@ -28,7 +28,7 @@ EXAMPLES = {  # by file: its title; the text is that of its docstring
     "own_outline.py": "An outline of one's own", "own_vehicle.py": "A vehicle of one's own",
     "own_step_traced.py": "Another program's STEP file, traced", "sweep_of_a_radius.py": "A sweep over a radius",
     "both_eyes.py": "Both eyes", "build123d_assembly.py": "Into a build123d assembly",
-    "cadquery_handover.py": "Over to cadquery",
+    "cadquery_handover.py": "Over to cadquery", "made_mirror.py": "A made mirror",
 }
 
 
