@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mirror_cad import laws, spec
+    from mirror_cad.design_stages import design
     from mirror_cad.deviation import Deviation
     from mirror_cad.errors import (
         FileError,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
         SurfaceError,
         WriteError,
     )
-    from mirror_cad.mirror import Mirror, design
+    from mirror_cad.mirror import Mirror
     from mirror_cad.spec.file import load_spec, preset_names
     from mirror_cad.spec.schema import MirrorSpec
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 _HOME = {
     "FileError": "errors", "InstallationError": "errors", "MirrorError": "errors", "OutlineError": "errors",
     "ProfileError": "errors", "SolidError": "errors", "SpecError": "errors", "SurfaceError": "errors", "WriteError": "errors",
-    "Deviation": "deviation", "Mirror": "mirror", "design": "mirror",
+    "Deviation": "deviation", "Mirror": "mirror", "design": "design_stages",
     "MirrorSpec": "spec.schema", "load_spec": "spec.file", "preset_names": "spec.file",
 }
 _PACKAGES = ("laws", "spec")

@@ -10,11 +10,11 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
 from mirror_cad import laws
+from mirror_cad.design_stages import design
 from mirror_cad.errors import SpecError
 from mirror_cad.grid import Grid
 from mirror_cad.laws.curvature import Span
 from mirror_cad.laws.matching import solve_match
-from mirror_cad.mirror import design
 from mirror_cad.profile import integrate_exactly, sine_of_tangent_angle
 from mirror_cad.section_fov import STEEPEST_GAUSS, circle_section_fov, rough_section_fov, section_fov, section_fov_of_sine
 from mirror_cad.spec.file import load_spec, validate_spec
@@ -111,7 +111,7 @@ def test_what_is_kept_between_designs_does_not_change_them() -> None:
     other = validate_spec(raw)
     design(spec)
     warm = design(other)
-    import mirror_cad.mirror as module
+    import mirror_cad.design_stages as module
 
     for kept in (module._truck_outline, module._solved, module._law, module._extrapolated, module._series, Grid.over):
         kept.cache_clear()

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_studio.drive import drawings
 from mirror_studio.drive.measured import TurnedFigures
 from raytrace.reflector import Reflector

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mirror_cad.design_stages import design
 from mirror_cad.deviation import Deviation, against_design
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.differential import principal_curvatures, rms_norm
 from mirror_studio.build.methods import with_method

@@ -11,9 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import mirror_cad
+from mirror_cad.design_stages import eyes_of
 from mirror_cad.grid import Grid
 from mirror_cad.laws import Unstated
-from mirror_cad.mirror import Mirror, eyes_of
+from mirror_cad.mirror import Mirror
 from mirror_cad.outline import Outline, truck_outline
 from mirror_cad.spec.file import spec_as_json, validate_spec
 from mirror_cad.surfaces.from_view import reflected, surface_from_view

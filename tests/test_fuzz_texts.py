@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import mirror_cad
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.outline import truck_outline
 from mirror_cad.outline.files import write_dxf
 from mirror_cad.spec import MirrorSpec

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from ezdxf.math import Matrix44
 
+from mirror_cad.design_stages import design
 from mirror_cad.errors import OutlineError, SpecError
-from mirror_cad.mirror import design
 from mirror_cad.outline.files import FileOptions, open_outline, read_outline
 from mirror_cad.spec.file import load_spec
 from tests.outline_helpers import dxf, svg

@@ -12,7 +12,7 @@ import numpy as np
 import pypdfium2
 import pytest
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_studio.report import find, write_pdf, write_report
 from tests.conftest import designed

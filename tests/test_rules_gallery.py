@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.spec.file import load_spec
 from mirror_studio.rules.run import Asked, measured_mirror, scene_with_eyes
 from mirror_studio.rules.schema import load_rule

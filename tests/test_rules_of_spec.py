@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mirror_cad.design_stages import design
 from mirror_cad.errors import SpecError
-from mirror_cad.mirror import design
 from mirror_cad.spec.file import load_spec, spec_as_json, validate_spec
 from mirror_cad.spec.rules_section import RulesSection
 from mirror_studio.as_json import metrics_as_json

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import raytrace
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from raytrace import parallel
 from raytrace.parallel import ALIGNED, MIN_RUN, RUN, run_size
 from raytrace.reflector import Reflector

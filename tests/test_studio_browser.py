@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, WebSocket, expect
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.occt.step import read_step
 from mirror_cad.spec.file import load_spec
 from mirror_studio.build import checks

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from PIL import Image
 from pydantic import BaseModel
 
+from mirror_cad.design_stages import design
 from mirror_cad.deviation import against_design
 from mirror_cad.errors import MirrorError, SpecError
-from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, preset_names, validate_spec
 from mirror_studio.viewing_setup import ViewingSetup

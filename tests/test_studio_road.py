@@ -21,9 +21,9 @@ from playwright.sync_api import Browser, Page, expect
 from pydantic import BaseModel
 from websockets.sync.client import ClientConnection, connect
 
+from mirror_cad.design_stages import design
 from mirror_cad.errors import MirrorError
 from mirror_cad.laws import Law, registered
-from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_studio.drive.measured import asked_of

@@ -27,7 +27,7 @@ from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from mirror_cad.mirror import design as design_of
+from mirror_cad.design_stages import design as design_of
 from mirror_cad.spec.file import load_spec
 from mirror_studio.web import engine, state
 from mirror_studio.web.downloads import unlike_the_page

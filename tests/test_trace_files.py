@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_studio.cli import run
 from tests.conftest import constant, spec_of
 

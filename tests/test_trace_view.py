@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import raytrace
+from mirror_cad.design_stages import design
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.mirror import design
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
 from mirror_cad.spec.file import load_spec
 from mirror_studio.viewing_setup import ViewingSetup

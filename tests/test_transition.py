@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirror_cad.design_stages import design
 from mirror_cad.errors import SpecError
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.outline import truck_outline
 from mirror_cad.outline.files import open_outline, write_dxf
 from mirror_cad.outline.transition import transition_line

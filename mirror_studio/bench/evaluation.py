@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.occt import peers
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface

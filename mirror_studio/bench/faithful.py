@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.faithful import Level

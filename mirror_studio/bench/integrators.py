@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mirror_cad import laws
+from mirror_cad.design_stages import design
 from mirror_cad.laws.curvature import CurvatureLaw, Span
 from mirror_cad.laws.matched import with_solved
-from mirror_cad.mirror import design
 from mirror_cad.profile import Profile, integrate_exactly, integrate_ode, sine_of_tangent_angle
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev

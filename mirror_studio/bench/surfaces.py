@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.design_stages import design
 from mirror_cad.grid import Grid
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.occt import peers
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from mirror_cad.design_stages import design
 from mirror_cad.mesh_deviation import stl_deviation
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.occt import peers
 from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.spec.file import load_spec

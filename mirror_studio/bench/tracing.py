@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_studio.bench.table import Column, Plot, Row, Table

@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
+from mirror_cad.design_stages import design
 from mirror_cad.deviation import against_design
 from mirror_cad.grid import Grid
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.spec import MirrorSpec, SurfaceSpec
 from mirror_studio.build.results import MethodChange, MethodComparison, MethodFigures
 from mirror_studio.viewing_setup import ViewingSetup

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.design_stages import design
 from mirror_cad.deviation import Deviation
 from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.outline.files import write_dxf
 from mirror_cad.own_files import hand_of
 from mirror_cad.reflection import reflected_mesh, reflected_points, reflected_surface

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.design_stages import eyes_of
 from mirror_cad.grid import Grid
-from mirror_cad.mirror import Mirror, eyes_of
+from mirror_cad.mirror import Mirror
 from mirror_cad.wanted_view import WantedView, on_plane, wanted_directions
 from raytrace.surfaces.base import OpticalSurface
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.cad_file import read_cad
+from mirror_cad.design_stages import design
 from mirror_cad.errors import FileError
-from mirror_cad.mirror import design
 from mirror_cad.own_files import hand_of
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.mirror import design
+from mirror_cad.design_stages import design
 from mirror_cad.spec import Eye, SceneSpec
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import MM

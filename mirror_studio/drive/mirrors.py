@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from mirror_cad.design_stages import design
 from mirror_cad.errors import SpecError
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.own_files import Hand, hand_of
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec

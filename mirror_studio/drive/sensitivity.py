@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from mirror_cad.design_stages import design
 from mirror_cad.laws.matched import with_solved
-from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.drive.measured import MainFigures
 from mirror_studio.drive.mirrors import DrivenMirror, exported

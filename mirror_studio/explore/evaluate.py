@@ -8,8 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from mirror_cad.design_stages import design
 from mirror_cad.errors import MirrorError
-from mirror_cad.mirror import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_studio.drive.measured import asked_of, in_use, shown_round

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.cad_file import read_cad
+from mirror_cad.design_stages import design
 from mirror_cad.errors import SpecError
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.spline_fit import DEGREE, Observations, Space, fit_spline
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.outline import Outline
 from mirror_cad.outline.segments import Line
 from mirror_cad.own_files import hand_of

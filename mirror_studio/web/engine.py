@@ -12,9 +12,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.design_stages import design
 from mirror_cad.designed import percent_scale
 from mirror_cad.deviation import against_design
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.outline import Outline
 from mirror_cad.sections import SagDerivatives
 from mirror_cad.spec import MirrorSpec

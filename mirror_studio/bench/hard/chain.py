@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
+from mirror_cad.design_stages import design
 from mirror_cad.deviation import Deviation
-from mirror_cad.mirror import Mirror, design
+from mirror_cad.mirror import Mirror
 from mirror_cad.spec.file import validate_spec
 from mirror_studio.bench.hard.sheets import Array
 from mirror_studio.bench.hard.specs import Spec
