@@ -191,7 +191,7 @@ class Mirror:
         if self.spec.glass.reflecting == "back":
             faces[FRONT_FACE] = plate.front_face
         parts = [Part(plate.solid, name, GLASS_COLOUR, faces), *self.as_made._transition_part()]
-        write_step(Path(path), parts, name, self.spec.part.hand)
+        write_step(Path(path), parts, name, self.spec.part.hand, self.spec.part.transition_mm)
 
     def export_surface_step(self, path: str | Path) -> None:
         """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire.
@@ -213,7 +213,7 @@ class Mirror:
         shell, face = sheet(made.surface, made.sheet_box())
         parts = [Part(shell, name, OPTICAL_COLOUR, {OPTICAL_FACE: face}),
                  Part(outer_wire(made.plate.optical), TRIM_CURVE), *made._transition_part()]
-        write_step(Path(path), parts, name, self.spec.part.hand)
+        write_step(Path(path), parts, name, self.spec.part.hand, self.spec.part.transition_mm)
 
     def _transition_part(self) -> list[Part]:
         """The transition line as a curve on the optical face, for a STEP file; nothing without one."""

@@ -13,9 +13,11 @@ from mirror_cad.mirror import Mirror
 from mirror_cad.outline import truck_outline
 from mirror_cad.outline.files import open_outline, write_dxf
 from mirror_cad.outline.transition import transition_line
+from mirror_cad.own_files import hand_of, transition_of
 from mirror_cad.spec.file import load_spec, spec_as_json, validate_spec
 from mirror_cad.surfaces.quadric import Quadric
 from mirror_studio.rules.measuring import Measured, Told
+from mirror_studio.rules.run import Asked, measured_mirror
 from mirror_studio.rules.schema import load_rule
 from mirror_studio.rules.verdicts import judged
 from raytrace.errors import TraceError
@@ -175,3 +177,16 @@ def test_faces_part_a_file_where_one_of_them_is_a_sphere() -> None:
     assert 493.0 < (line(of, "radius_least_mm").value or 0.0) < 600.0  # no foot stands beyond the edge of a face
     one = Measured(Reflector(main), load_rule("R46"), 38.1)
     assert one.main is one
+
+
+@pytest.mark.parametrize("hand", ["left", "right"])
+def test_file_of_ours_says_where_its_aspheric_part_begins(hand: str, tmp_path: Path) -> None:
+    """In mirror coordinates, whichever hand it is; another program's file says nothing."""
+    path = tmp_path / "mirror.step"
+    aspheric(hand).export_step(path)
+    assert transition_of(path) == X_MM
+    assert hand_of(path) == hand
+    found = measured_mirror(Asked(str(path), "R46", "III"), load_rule("R46"), None)[1]
+    assert line(judged(found, "III"), "aspheric_width_mm").value == pytest.approx(92.0, abs=1e-6)
+    path.write_text(path.read_text("ascii").replace("'mirror-cad'", "'other'"), encoding="ascii")
+    assert transition_of(path) is None

@@ -26,7 +26,7 @@ from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentToo
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.occt.convert import face_as_bspline, face_as_quadric
 from mirror_cad.occt.shapes import faces_of
-from mirror_cad.own_files import Hand, hand_in_words
+from mirror_cad.own_files import Hand, hand_in_words, transition_in_words
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
 
@@ -97,8 +97,10 @@ class StepFile:
         return found[0]
 
 
-def write_step(path: Path, parts: list[Part], title: str, hand: Hand | None = None) -> None:
-    """Write parts as one AP242 file in mm. The header's time follows SOURCE_DATE_EPOCH; it says which hand a mirror is.
+def write_step(path: Path, parts: list[Part], title: str, hand: Hand | None = None, transition_mm: float | None = None) -> None:
+    """Write parts as one AP242 file in mm.
+
+    The header's time follows SOURCE_DATE_EPOCH; it says which hand a mirror is, and where its aspheric part begins.
 
     Raises: WriteError where the kernel cannot write it.
     """
@@ -129,7 +131,7 @@ def write_step(path: Path, parts: list[Part], title: str, hand: Hand | None = No
     writer.SetNameMode(True)
     if not writer.Transfer(document, STEPControl_AsIs):
         raise WriteError(f"{path}: the kernel cannot turn the shapes into STEP")
-    _write_header(writer, title, hand)
+    _write_header(writer, title, hand, transition_mm)
     if writer.Write(str(path)) != IFSelect_RetDone:
         raise WriteError(f"{path}: the kernel could not write the file: is there space, and may you write there?")
 
@@ -158,14 +160,15 @@ def _face_name(reader: STEPControl_Reader, face: TopoDS_Face) -> str:
     return str(name.ToCString()) if name is not None else ""
 
 
-def _write_header(writer: STEPCAFControl_Writer, title: str, hand: Hand | None) -> None:
+def _write_header(writer: STEPCAFControl_Writer, title: str, hand: Hand | None, transition_mm: float | None) -> None:
     header = APIHeaderSection_MakeHeader(writer.ChangeWriter().Model())
     stamp = time.gmtime(int(os.environ.get("SOURCE_DATE_EPOCH", str(int(time.time())))))
     header.SetName(TCollection_HAsciiString(title))
     header.SetTimeStamp(TCollection_HAsciiString(time.strftime("%Y-%m-%dT%H:%M:%S", stamp)))
     texts = [(header.SetAuthor, "mirror-cad user"), (header.SetOrganization, "unspecified")]
     if hand is not None:
-        texts.append((header.SetDescription, hand_in_words(hand)))
+        line = "" if transition_mm is None else f", {transition_in_words(transition_mm)}"
+        texts.append((header.SetDescription, hand_in_words(hand) + line))
     for setter, text in texts:
         array = Interface_HArray1OfHAsciiString(1, 1)
         array.SetValue(1, TCollection_HAsciiString(text))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mirror_cad.errors import SpecError
-from mirror_cad.spec import MirrorSpec
+from mirror_cad.own_files import transition_of
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, stated_placement, versions, write_json
 from mirror_studio.drive.mirrors import on_vehicle, reflector_named
@@ -112,7 +112,9 @@ def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tu
     name, reflector, spec = reflector_named(asked.mirror, asked.place)
     own_leg = None if spec is None or spec.rules is None else spec.rules.leg_mm
     leg = next(each for each in (asked.leg_mm, own_leg, rule.leg_mm) if each is not None)
-    measured = Measured(reflector, rule, leg, None, _stated(asked.told, spec))
+    in_file = reflector.placement is None or reflector.placement.source == "file"
+    own = told_of(spec) if spec is not None else Told(transition_mm=transition_of(Path(asked.mirror)) if in_file else None)
+    measured = Measured(reflector, rule, leg, None, _stated(asked.told, own))
     measured.outline  # noqa: B018  a face with holes is refused before it is aimed
     if scene is None:
         return name, measured
@@ -143,9 +145,8 @@ def loads_of(scene: SceneFile | None) -> tuple[Load, ...]:
     return () if scene is None else tuple(Load(each.name, 1e3 * each.front_m, 1e3 * each.rear_m) for each in scene.load)
 
 
-def _stated(told: Told, spec: MirrorSpec | None) -> Told:
-    """What is known of a mirror beside its shape: what is stated now, and else what its specification says."""
-    own = NOTHING_TOLD if spec is None else told_of(spec)
+def _stated(told: Told, own: Told) -> Told:
+    """What is known of a mirror beside its shape: what is stated now, and else what its specification or file says."""
     return Told(*(getattr(own, each.name) if (value := getattr(told, each.name)) is None else value for each in fields(Told)))
 
 
