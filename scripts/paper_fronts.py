@@ -65,7 +65,8 @@ def main() -> None:
         for preset, label in MARKED.items():
             at = presets[preset][name], presets[preset][STRAIGHT]
             axes.plot(*at, "o", color="#1d2329", markersize=4)
-            axes.annotate(label, at, xytext=(4, 3), textcoords="offset points", fontsize=7.5)
+            below = preset in ("progressive-a", "sphere-1250")
+            axes.annotate(label, at, xytext=(4, -9 if below else 3), textcoords="offset points", fontsize=7.5)
         axes.set_xlabel(title, fontsize=9)
         axes.set_ylim(-2.0, 62.0)
         axes.tick_params(labelsize=8)

@@ -21,6 +21,7 @@ from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.ray_differentials import frame, ray_differentials
 from raytrace.viewing.view import View
+from raytrace.visibility.edge import edge_of
 from raytrace.visibility.image_points import image_points
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import cap
@@ -284,6 +285,22 @@ def test_the_least_and_the_largest_are_what_is_found_where_they_are_said_to_be_a
             for value, at in ((extent.least, extent.least_at_mm), (extent.largest, extent.largest_at_mm)):
                 place = view.untrimmed.places_over(*np.array(at)[:, None])
                 assert getattr(ray_differentials(view.untrimmed, place).at(), name)[0] == pytest.approx(value, rel=1e-5)
+
+
+def test_the_least_is_found_along_an_edge_that_is_nearly_as_small_for_all_its_length() -> None:
+    """A strong outer radius: 4 mm beside the least value the edge has one that is 0.4 % larger and level."""
+    horizontal = {"law": "zones", "right_mm": 1250.0, "left_mm": 255.0, "blend_from": "match", "blend_to": 1.0,
+                  "blend": "smooth", "match": {"sphere_mm": 950.0}}
+    vertical = {"law": "linear", "right_mm": 1000.0, "left_mm": 710.0}
+    mirror = mirror_cad.design(spec_of(horizontal, vertical))
+    view = View(Reflector.from_mirror(mirror), POSE, EYE)
+    found = magnification_extremes(view).horizontal
+    assert found is not None
+    edge = edge_of(view)
+    ring = edge.rings()[0]
+    places, _ = edge.along(ring, np.linspace(0.0, len(ring), 40_001))
+    along = ray_differentials(view.untrimmed, places).at().horizontal
+    assert found.least <= np.nanmin(along) * (1.0 + 1e-6)
 
 
 def test_a_narrow_cone_is_wider_by_the_root_of_its_solid_angle_and_nothing_is_said_beside_the_mirror() -> None:

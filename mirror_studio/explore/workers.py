@@ -81,15 +81,18 @@ class Workers:
         study, folder = self.study, str(self.study.folder.resolve())
         handed = {client.submit(_alone, judge, index, values, study.with_values(values), folder, study.scene, study.measures,
                                 pure=False, retries=1): (index, values) for index, values in designs}
-        coming = as_completed(list(handed))  # type: ignore[no-untyped-call]
+        # With their results: a row that is lost with its worker is made again, and is waited for like any other.
+        coming = as_completed(list(handed), with_results=True, raise_errors=False)  # type: ignore[no-untyped-call]
         alive = looked = time.monotonic()
         while not coming.is_empty():
             batch = coming.next_batch(block=False)
-            for future in batch:
+            for future, found in batch:
                 design = handed[future]
-                if future.status == "finished":
-                    yield design, future.result()
-                elif type(error := future.exception()).__name__ == "KilledWorker":
+                if isinstance(found, Row):
+                    yield design, found
+                    continue
+                error = found[1] if isinstance(found, tuple) else found  # what was raised, with its type and trace
+                if type(error).__name__ == "KilledWorker":
                     yield design, None
                 else:
                     yield design, failed(*design, len(study.measures), f"{type(error).__name__}: {error}")

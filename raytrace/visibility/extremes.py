@@ -16,7 +16,7 @@ REFINED = 1e-9  # of a value: what its neighbourhood still changes it by when it
 ROUNDS = 10
 SQUARE = 9  # samples a direction about a place inside; each round leaves a quarter of its size
 ON_EDGE = 33  # samples of a piece of the edge; each round leaves a sixteenth
-CANDIDATES = 3  # places inside, and pieces of the edge, that are followed for each function
+CANDIDATES = 8  # places inside, and pieces of the edge, that are followed for each function
 OVERSHOOT = 0.5  # of the change to a neighbouring sample: how much higher than a sample a top beside it may be
 
 
