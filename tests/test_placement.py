@@ -347,6 +347,8 @@ RATE = "max_rate_percent_per_mm"
 # Where a smooth function is largest is known to the root of its rounding: a motion's 1e-13, over some 100 mm.
 PLACE = re.compile(r"_at_mm\.[01]$")
 PLACE_MM = 3e-5
+# Pictures ask for more rays where neighbours differ: of a mesh, which those are follows from its facets' rounding.
+RAYS = 1e-3
 
 
 @pytest.mark.long
@@ -361,4 +363,5 @@ def test_every_figure_of_trace_and_drive_at_twenty_places(tmp_path: Path) -> Non
             assert differences(first[0], traced, 1e-9) == []
             left = differences(first[1], driven, 1e-9)
             assert [key for key, one, other in left if not (key.endswith(RATE) and abs(one - other) < 1e-6 * abs(one)) and not (
-                PLACE.search(key) and abs(one - other) < PLACE_MM)] == []
+                PLACE.search(key) and abs(one - other) < PLACE_MM) and not (
+                file.suffix == ".ply" and ".rays." in key and abs(one - other) < RAYS * one)] == []

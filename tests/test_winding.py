@@ -110,10 +110,10 @@ def off_surfaces(reflector: raytrace.Reflector, point: np.ndarray) -> float:
 
     nearest = np.inf
     for surface in reflector.surface.bounding_faces:
-        u_min, u_max, v_min, v_max = surface.surface.domain
+        u_min, u_max, v_min, v_max = surface.trimming.box
         u, v = (g.ravel() for g in np.meshgrid(np.linspace(u_min, u_max, 801), np.linspace(v_min, v_max, 21)))
-        start = int(np.argmin(np.linalg.norm(surface.surface.evaluate(u, v) - point, axis=1)))
-        fit = least_squares(lambda uv, sheet=surface.surface: sheet.evaluate(uv[0], uv[1]) - point, [u[start], v[start]],
+        start = int(np.argmin(np.linalg.norm(surface.evaluate(u, v) - point, axis=1)))
+        fit = least_squares(lambda uv, sheet=surface: sheet.evaluate(uv[0], uv[1]) - point, [u[start], v[start]],
                             bounds=([u_min, v_min], [u_max, v_max]), xtol=1e-15, ftol=1e-15, gtol=1e-15)
         nearest = min(nearest, float(np.linalg.norm(fit.fun)))
     return nearest
