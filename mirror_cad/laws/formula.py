@@ -62,9 +62,8 @@ def parse_formula(text: str) -> Formula:
     return formula
 
 
-def _refuse(node: ast.AST, what: str) -> SpecError:
-    column = getattr(node, "col_offset", 0) + 1
-    return SpecError(f"the formula holds {what} at column {column}: it may hold {_KNOWN}")
+def _refuse(node: ast.expr, what: str) -> SpecError:
+    return SpecError(f"the formula holds {what} at column {node.col_offset + 1}: it may hold {_KNOWN}")
 
 
 def _check(node: ast.expr, depth: int = 0) -> None:
