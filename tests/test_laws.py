@@ -466,8 +466,9 @@ def test_a_table_that_covers_part_of_the_mirror_says_how_much(ends: tuple[float,
 @pytest.mark.parametrize("ends", [(115.0, 300.0), (-300.0, -115.0), (0.4, 0.6), (115.0, 115.1)])
 def test_a_law_that_only_touches_the_mirror_runs_beside_it(ends: tuple[float, float]) -> None:
     """0.4 to 0.6, in metres or inches, is inside: what a law over a part of the mirror may mean."""
-    remarks = mc.laws.Linear(right_mm=1250, left_mm=400, span_mm=ends).remarks(-115.0, 115.0)
-    assert any("beside the mirror" in remark for remark in remarks) == (abs(ends[0] + ends[1]) > 200.0)
+    for law in (mc.laws.Linear(right_mm=1250, left_mm=400, span_mm=ends), mc.laws.Table(x_mm=ends, radius_mm=(1250, 400))):
+        remarks = law.remarks(-115.0, 115.0)
+        assert any("beside the mirror" in remark for remark in remarks) == (abs(ends[0] + ends[1]) > 200.0)
 
 
 def test_many_rows_are_taken_only_smoothly() -> None:

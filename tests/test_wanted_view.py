@@ -79,6 +79,13 @@ def test_wanted_directions_are_of_unit_length_along_the_tangents() -> None:
     assert found[:, 1] / found[:, 2] == pytest.approx(np.tan(elevation(x, y)), abs=1e-12)
 
 
+def test_wanted_directions_keep_the_shape_of_the_places() -> None:
+    x, y = np.meshgrid(np.linspace(-60.0, 60.0, 4), np.linspace(-90.0, 90.0, 3))
+    found = wanted_directions(TABLE, x, y)
+    assert found.shape == (3, 4, 3)
+    assert found.reshape(-1, 3) == pytest.approx(wanted_directions(TABLE, x.ravel(), y.ravel()), abs=1e-15)
+
+
 def test_a_ray_from_the_eye_crosses_the_plane_on_its_way_to_the_point() -> None:
     eye, point = np.array([110.0, 30.0, 762.0]), np.array([[-90.0, -70.0, -12.5]])
     x, y = on_plane(eye, point)
