@@ -56,6 +56,26 @@ def test_a_sphere_for_another_deviates_everywhere_by_the_ratio_of_their_radii() 
     assert found.largest_principal_per_m == pytest.approx(per_m, rel=1e-8)
 
 
+def test_each_curvature_is_in_percent_of_its_own_design_and_twist_of_the_whole() -> None:
+    """A sphere where 1/Rx and 1/Ry differ, either of them the larger; and a floor where one of them is none."""
+    made = 1.0 / MADE
+    for kx, ky in ((1e-3, 2e-3), (2e-3, 1e-3), (1e-3, 0.0)):
+        asked = DesignedCurvature(constant(kx), constant(ky))
+        found = against_design(asked, ROUND, SphericalSag(1e-3), sheet(SphericalSag(made)))
+        rms = np.hypot(kx, ky)
+
+        def percent(asked: float, rms: float = rms) -> float:
+            return float(100.0 * (made - asked) / max(asked, 0.01 * rms))
+
+        for one, kappa in ((found.kx, kx), (found.ky, ky), (found.k1, max(kx, ky)), (found.k2, min(kx, ky))):
+            assert one.max_percent == pytest.approx(percent(kappa), rel=1e-8)
+            assert one.rms_percent == pytest.approx(abs(percent(kappa)), rel=1e-8)
+        assert found.shape.max_percent == pytest.approx(100.0 * np.hypot(made - kx, made - ky) / rms, rel=1e-8)
+    saddle = against_design(DesignedCurvature(constant(3e-3), constant(4e-3)), ROUND, SphericalSag(0.0),
+                            sheet(Saddle()))  # type: ignore[arg-type]
+    assert saddle.twist.max_percent == pytest.approx(-100.0 * Saddle.c / 5e-3, rel=2e-6)
+
+
 def test_sag_and_slope_of_a_sphere_for_another_are_largest_on_the_edge() -> None:
     found = sphere_for_another()
 

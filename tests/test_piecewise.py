@@ -9,7 +9,7 @@ import pytest
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
-from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
+from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, _clenshaw, approximate
 
 Array = NDArray[np.float64]
 BREAKS = np.array([-3.0, -1.0, 0.5, 4.0])
@@ -27,6 +27,16 @@ def test_values_are_those_of_the_piece_that_holds_the_point_in_any_order(count: 
     chance = np.random.default_rng(count)
     for x in (chance.uniform(-4.0, 5.0, count), np.sort(chance.uniform(-4.0, 5.0, count)), np.resize(BREAKS, count)):
         assert SERIES(x) == pytest.approx([PIECES[piece_of(at)](at) for at in x], rel=1e-11, abs=1e-13)
+
+
+def test_nothing_is_written_beside_the_values() -> None:
+    """The compiled loop knows no bounds: what stands before and after its arrays stays."""
+    for count in (1, 64, 100):
+        x, values = np.full(count + 20, 0.3), np.full(count + 20, -7.0)
+        _clenshaw(BREAKS, SERIES.coefficients, x[10:-10], values[10:-10])
+        assert (values[:10] == -7.0).all()
+        assert (values[-10:] == -7.0).all()
+        assert values[10:-10] == pytest.approx(float(SERIES(0.3)))
 
 
 def test_derivative_and_integral_are_those_of_the_pieces_and_the_integral_is_continuous() -> None:

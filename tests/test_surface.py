@@ -143,6 +143,14 @@ def test_rational_derivatives_of_an_exact_sphere() -> None:
     assert principal_curvatures(sphere, u, v) == pytest.approx(1.0 / radius, rel=1e-11)
 
 
+@pytest.mark.parametrize("name", ["progressive-a", "sphere-950"])
+def test_a_fit_says_its_spans_and_degree_and_how_far_it_is_off(name: str) -> None:
+    mirror = designed(name)
+    surface = mirror.surface
+    assert mirror.fit.spans == (len(set(surface.knots_u)) - 1, len(set(surface.knots_v)) - 1)
+    assert mirror.fit.degree == surface.degree_u == surface.degree_v
+
+
 def test_collocation_converges_with_degree_plus_one() -> None:
     errors = []
     for spans in (8, 16):
