@@ -141,6 +141,16 @@ def test_rational_derivatives_of_an_exact_sphere() -> None:
     u, v = np.meshgrid(np.linspace(0.05, 0.95, 9), np.linspace(0.05, 0.9, 9))
     assert np.linalg.norm(sphere.evaluate(u, v), axis=-1) == pytest.approx(radius, rel=1e-14)
     assert principal_curvatures(sphere, u, v) == pytest.approx(1.0 / radius, rel=1e-11)
+    # And all derivatives, those along the sheet too, which curvature does not see: by differences of the fourth order.
+    found, h = sphere.derivatives(u, v), 2e-3
+
+    def differences(along: tuple[float, float], key: str) -> np.ndarray:
+        at = [sphere.derivatives(u + k * h * along[0], v + k * h * along[1])[key] for k in (-2, -1, 1, 2)]
+        return (at[0] - 8.0 * at[1] + 8.0 * at[2] - at[3]) / (12.0 * h)
+
+    for key, along, of in (("u", (1, 0), "s"), ("v", (0, 1), "s"), ("uu", (1, 0), "u"), ("vv", (0, 1), "v"),
+                           ("uv", (1, 0), "v"), ("uv", (0, 1), "u")):
+        assert found[key] == pytest.approx(differences(along, of), abs=2e-6 * radius)
 
 
 @pytest.mark.parametrize("name", ["progressive-a", "sphere-950"])

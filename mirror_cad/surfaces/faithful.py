@@ -90,7 +90,7 @@ class Level:
     Attributes
     ----------
     spans : tuple
-        Along x and y, over the mirror's box.
+        Along x and y, over the whole sheet: those over the mirror's box and those of its margins.
     unknowns, evaluations : int
         Of the least squares.
     shape_rms_percent : float or None
