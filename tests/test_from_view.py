@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import mirror_cad
 from mirror_cad.design_stages import eyes_of
+from mirror_cad.errors import SurfaceError
 from mirror_cad.grid import Grid
 from mirror_cad.laws import Unstated
 from mirror_cad.mirror import Mirror
@@ -245,6 +246,12 @@ def test_the_floor_is_integrability(contract: Mirror) -> None:
     assert np.sqrt(np.mean(curl**2)) > 1e-5  # 1/mm; a quarter of a degree over the mirror
     missed = np.degrees(2.0 * np.sqrt(np.mean(off_p**2 + off_q**2))) * 60.0
     assert missed == pytest.approx(contract.from_view.levels[0].rms_arcmin, rel=0.1)  # type: ignore[union-attr]
+
+
+def test_more_unknowns_than_are_solved_for_are_refused_with_the_number() -> None:
+    """Poles of degree 5: 120 and 100 spans over the box, two and three beyond each edge of it, and five more each way."""
+    with pytest.raises(SurfaceError, match=rf"asks for {(120 + 2 * 2 + 5) * (100 + 2 * 3 + 5)} unknowns"):
+        made(CONTRACT, surface={"spans": [120, 100], "degree": 5})
 
 
 @pytest.mark.parametrize("projection", ["perspective", "equal-angle"])

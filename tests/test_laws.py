@@ -469,6 +469,8 @@ def test_a_law_that_only_touches_the_mirror_runs_beside_it(ends: tuple[float, fl
     for law in (mc.laws.Linear(right_mm=1250, left_mm=400, span_mm=ends), mc.laws.Table(x_mm=ends, radius_mm=(1250, 400))):
         remarks = law.remarks(-115.0, 115.0)
         assert any("beside the mirror" in remark for remark in remarks) == (abs(ends[0] + ends[1]) > 200.0)
+    rows = mc.laws.Table(x_mm=(200.0, 250.0, 300.0), radius_mm=(1250, 900, 400))
+    assert "from x = 200 to 300 mm" in rows.remarks(-115.0, 115.0)[0]
 
 
 def test_many_rows_are_taken_only_smoothly() -> None:
