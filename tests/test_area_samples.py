@@ -34,9 +34,10 @@ def test_a_cap_of_a_sphere_has_its_area_centroid_and_outward_normals() -> None:
         radius**2 * (0.5 - np.sin(2.0 * half_u) / (4.0 * half_u)) * (1.0 - np.sin(half_v) ** 2 / 3.0), rel=5e-3)
 
 
-def test_a_strip_of_a_cylinder_has_its_area() -> None:
-    areas = np.linalg.norm(upright_cylinder(900.0).surface.area_samples().areas, axis=1)
-    assert areas.sum() == pytest.approx(230.0 * 300.0, rel=1e-4)
+def test_a_strip_of_a_cylinder_has_its_area_and_lies_on_it() -> None:
+    samples = upright_cylinder(900.0).surface.area_samples()
+    assert np.linalg.norm(samples.areas, axis=1).sum() == pytest.approx(230.0 * 300.0, rel=1e-4)
+    assert np.hypot(samples.points[:, 0], samples.points[:, 2] + 900.0) == pytest.approx(900.0, rel=1e-12)
 
 
 def test_facets_have_their_areas_outward_and_a_closed_mesh_none_in_all() -> None:
