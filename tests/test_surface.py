@@ -81,6 +81,11 @@ def test_stages_of_curvature_add_up_to_the_total() -> None:
         assert abs(abs(total.of(key).max_percent) - abs(parts.model.of(key).max_percent)) <= rest + 1e-12
     assert deviation.numerical is True
     assert deviation.part is None
+    explained = deviation.explained
+    assert explained.total_shape_rms_percent == pytest.approx(total.shape.rms_percent, rel=1e-12)
+    assert explained.model_shape_rms_percent == pytest.approx(parts.model.shape.rms_percent, rel=1e-12)
+    assert explained.numerical_shape_rms_percent <= sum(stage.shape.rms_percent for stage in parts.numerical()) * (1.0 + 1e-12)
+    assert explained.unexplained_max_per_m < 1e-12  # the sum of the stages is the total but for rounding
 
 
 def test_twist_of_the_model_is_the_predicted_term() -> None:
