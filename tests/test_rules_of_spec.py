@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,8 @@ from mirror_studio.report.page import _rules_verdict
 from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.verdict_table import rule_requirements
-from mirror_studio.rules.of_spec import SpecRules, rule_of_spec, surface_lines
+from mirror_studio.rules.measuring import Mounted
+from mirror_studio.rules.of_spec import SpecRules, measured_of, rule_of_spec, surface_lines
 from raytrace.reflector import Reflector
 
 SPHERE = '''[horizontal]
@@ -142,3 +145,31 @@ def test_page_and_metrics_have_the_lines() -> None:
     radius = next(each for each in rows if "mean radius" in each["name"])
     assert (radius["actual"], radius["verdict"]) == ("flat", "met")
     assert all("complies" not in str(cell) for each in rows for cell in each.values())
+
+
+def test_glass_before_the_mirror_is_told_beside_its_reflectance() -> None:
+    """Of index 1.52 its front alone reflects 4.3 % at 25° (Fresnel; ((n − 1)/(n + 1))² = 4.26 % upright), and on a vehicle the
+    ghost lies some arc minutes off; it decides nothing."""
+    from mirror_studio.drive.mirrors import exported, on_vehicle
+    from mirror_studio.rules.run import scene_with_eyes
+    from mirror_studio.rules.verdicts import judged
+    from tests.test_spherometer import line
+
+    spec = load_spec("sphere-1250")
+    spec = spec.model_copy(update={"glass": spec.glass.model_copy(update={"reflecting": "back"}),
+                                   "rules": RulesSection(rule="R46", class_name="III", reflectance_percent=55.0)})
+    reflector = exported(spec)
+    found = surface_lines(spec, reflector)
+    assert found is not None
+    told = line(list(found.lines), "reflectance_percent")
+    assert (told.value, told.verdict) == (55.0, "met")
+    assert told.notes == ("the front of the glass alone reflects 4.3 % at 25°, a ghost beside the image",)
+    measured = measured_of(spec, found, reflector)
+    mirror = on_vehicle("glass", reflector, scene_with_eyes("motorway"), spec)
+    there = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
+    (note,) = line(judged(there, "III", {"reflectance_percent"}), "reflectance_percent").notes
+    assert re.search(r"up to \d+\.\d′ from it for an eye between the driver's, \d+\.\d′ on average", note)
+    bare = surface_lines(load_spec("sphere-1250").model_copy(update={"rules": spec.rules}), Reflector.from_mirror(
+        design(load_spec("sphere-1250"))))
+    assert bare is not None
+    assert line(list(bare.lines), "reflectance_percent").notes == ()

@@ -285,7 +285,7 @@ class Measured:
     @cached_property
     def ghost(self) -> Ghost | None:
         """Its reflection beside the image, for an eye between the driver's two; None on no vehicle, and of other glass."""
-        if self.mounted is None or not self.reflector.surface.bounding_faces:
+        if self.mounted is None:
             return None
         plate = self.reflector.surface.glass
         try:
