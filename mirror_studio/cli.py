@@ -265,7 +265,7 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
 
 @app.command
-def inspect(data: list[Path], /, *, against: str, align: Literal["none", "321", "best-fit"] = "best-fit",
+def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["none", "321", "best-fit"] = "best-fit",
             sigma_mm: float | None = None, gauge_mm: float | None = None, out: Out = None, pdf: Pdf = False,
             json: Json = False) -> int:
     """Lay the measured points of a made mirror on its design: deviation of curvature, slope and height, each with its sigma.
@@ -276,7 +276,8 @@ def inspect(data: list[Path], /, *, against: str, align: Literal["none", "321", 
         Points as CSV, TSV, XYZ or TXT, a mesh, or a CAD file of a surface that was made from points; and with or instead of
         them slopes, curvatures and spherometer readings as tables, in mirror coordinates.
     against
-        The design: a preset, a specification, or a STEP file.
+        The design: a preset, a specification, or a STEP file. Without it the mirror is told against its nearest sphere, and
+        the laws that it seems to follow are written as a specification.
     align
         Take the points as they are, by three datum points, or by the best fit to the exact surface.
     sigma_mm
@@ -284,7 +285,7 @@ def inspect(data: list[Path], /, *, against: str, align: Literal["none", "321", 
     gauge_mm
         Over which slope and curvature are told; without it 38, a spherometer's.
     """
-    _start_reader([*data, Path(against)])
+    _start_reader([*data, *([] if against is None else [Path(against)])])
     if pdf:
         from mirror_studio.report.pdf import check_pdf
 

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from mirror_cad import design, load_spec
 from mirror_cad.errors import FileError
+from mirror_cad.made.inspection import inspect
 from mirror_cad.made.measured_table import read_measured
 from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.differential import shape_operator
 from mirror_studio.cli import run
+from mirror_studio.inspect.alone import reference_of_points, write_laws
 
 Array = NDArray[np.float64]
 
@@ -84,6 +86,7 @@ def test_rows_without_a_number_are_counted(tmp_path: Path) -> None:
     assert (len(found), found.not_numbers) == (2, 2)
 
 
+@pytest.mark.long
 def test_a_set_is_written_and_its_json_has_the_contract_s_keys(tmp_path: Path) -> None:
     """And the STEP file is the mirror again, for every other command."""
     content = inspection(tmp_path, written(tmp_path / "points.csv", table(points())), more=("--align", "none"))
@@ -175,3 +178,23 @@ def test_a_reading_beside_the_mirror_is_refused(tmp_path: Path, capsys: pytest.C
     reading = written(tmp_path / "r.csv", "x_mm,y_mm,angle_deg,leg_mm,radius_mm\n112,0,0,38,1200\n")
     assert run(["inspect", str(data), str(reading), "--against", "progressive-c", "--out", str(tmp_path / "no")]) == 2
     assert "stands beside the mirror" in capsys.readouterr().err
+
+
+def test_without_a_design_the_nearest_sphere_and_the_laws_are_told(tmp_path: Path) -> None:
+    """Of a sphere its radius; of a progressive mirror a specification that is its laws again."""
+    grid = points()
+    sphere = np.column_stack([grid[:, :2], np.sqrt(1200.0**2 - grid[:, 0] ** 2 - grid[:, 1] ** 2) - 1200.0])
+    reference, found = reference_of_points("ball", sphere)
+    assert found.radius_mm == pytest.approx(1200.0, rel=1e-9)
+    assert found.rms_mm < 1e-9
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    assert reference.nominal.box == pytest.approx((low[0], high[0], low[1], high[1]), abs=0.5)
+
+    laid, _ = reference_of_points("free", grid)
+    told = write_laws(tmp_path, "free", inspect(laid.nominal, grid, align="none", given=laid.given))
+    again = design(load_spec(tmp_path / "free-laws.toml"))
+    x = np.linspace(-90.0, 90.0, 37)
+    for law, wanted in ((again.curvature.horizontal, mirror().curvature.horizontal),
+                        (again.curvature.vertical, mirror().curvature.vertical)):
+        assert np.abs(law(x) / wanted(x) - 1.0).max() < 0.03  # the mean over a gauge, and what the surface itself misses
+    assert abs(told["horizontal"]["zone_begins_at_mm"]) < 40.0  # type: ignore[index, call-overload, arg-type]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from mirror_cad import design, load_spec
 from mirror_cad.made.alignment import AlignmentError, best_fit
 from mirror_cad.made.figures import figures
-from mirror_cad.made.inspection import Inspection, inspect
+from mirror_cad.made.inspection import Inspection
+from mirror_cad.made.inspection import inspect as inspect_over
 from mirror_cad.made.measured_surface import measured_surface
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.nominal import Nominal
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 # 30° about a slanted axis, and 1 m off.
 AWAY = Motion(Rotation.from_rotvec(np.radians(30.0) * np.array([1.0, 2.0, -2.0]) / 3.0).as_matrix(),
               np.array([600.0, -700.0, 400.0]))
+
+inspect = partial(inspect_over, gauge_mm=60.0)  # fewer spans than for 38 mm: tests of what holds for any gauge
 
 
 @lru_cache
@@ -113,7 +116,7 @@ def test_one_line_of_points_tells_heights_along_it_and_no_curvature() -> None:
     main = figures(found.nominal, found.fields)
     assert main.percent["k1"].largest is None
     assert main.height.largest == pytest.approx(0.02, abs=1e-3)
-    assert main.measured_share < 0.1
+    assert main.measured_share < 0.15  # a quarter of the gauge to either side
     assert verdict(found.fields, 5.0).outcome == "undecided"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.errors import MirrorError
-from mirror_cad.made.alignment import robust_sigma, tukey
+from mirror_cad.made.alignment import MAD, robust_sigma, tukey
 from mirror_cad.made.coverage import Coverage
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.smoothing import smoothed
@@ -199,7 +199,9 @@ def _without_isolated(nominal: Nominal, extra: Observations) -> Observations:
             continue
         relative = extra.values[rows] / extra.sigmas[rows]
         rest = relative - _cell_medians(extra.x[rows], extra.y[rows], relative)
-        weights[rows[np.abs(rest) > np.maximum(OUTLIER * robust_sigma(rest), 1e-9 * np.abs(relative).max())]] = 0.0
+        around = MAD * _cell_medians(extra.x[rows], extra.y[rows], np.abs(rest))
+        largest = OUTLIER * np.maximum(around, max(robust_sigma(rest), 1e-9 * float(np.abs(relative).max())))
+        weights[rows[np.abs(rest) > largest]] = 0.0
     return replace(extra, weights=weights)
 
 
@@ -229,8 +231,11 @@ def isolated_points(nominal: Nominal, x: Array, y: Array, along: Array, sigmas: 
         weights = np.maximum(tukey(rest, max(robust_sigma(rest), NO_OUTLIER * nominal.size_mm)), 1e-6)
     assert fit is not None
     rest = along - fit.heights(x, y)
-    rest -= _cell_medians(x, y, rest)
-    return np.abs(rest / sigmas) <= max(OUTLIER * robust_sigma(rest / sigmas), NO_OUTLIER * nominal.size_mm / sigmas.max())
+    rest = (rest - _cell_medians(x, y, rest)) / sigmas
+    # Where form is steep within a cell, all of its points are far from its median, and none is an outlier.
+    around = MAD * _cell_medians(x, y, np.abs(rest))
+    largest = OUTLIER * np.maximum(around, max(robust_sigma(rest), NO_OUTLIER * nominal.size_mm / sigmas.max()))
+    return np.asarray(np.abs(rest) <= largest)
 
 
 def spaces(nominal: Nominal, coverage: Coverage, gauge_mm: float, count: int) -> list[Space]:

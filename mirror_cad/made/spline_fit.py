@@ -146,8 +146,10 @@ class SplineFit:
         inverse, info = dpotri(self.factor[0], lower=self.factor[1])
         if info:
             raise SurfaceError(f"the covariance of {len(inverse)} coefficients cannot be had")
-        lower = np.tril(inverse) if self.factor[1] else np.triu(inverse).T
-        return lower + np.tril(lower, -1).T
+        half = np.tril(inverse, -1)  # the other half of LAPACK's is what was there before
+        half = half + half.T
+        np.fill_diagonal(half, np.diag(inverse))
+        return half
 
     @cached_property
     def determined(self) -> float:

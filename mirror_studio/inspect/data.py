@@ -66,7 +66,7 @@ def read_table(path: Path) -> MeasuredTable | None:
     return read_measured(path)
 
 
-def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal) -> MeasuredPoints:
+def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal | None) -> MeasuredPoints:
     """Read points from a table, from the vertices of a mesh, or from a CAD file's face.
 
     Parameters
@@ -75,7 +75,7 @@ def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal) -> Me
         Of the file.
     table : MeasuredTable or None
         What `read_table` gave for it.
-    nominal : Nominal
+    nominal : Nominal or None
         The design, whose size and curvature tell a unit that the file does not state.
 
     Raises
@@ -97,6 +97,10 @@ def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal) -> Me
             raise FileError(f"{path}: the sigma of point {row + 1} is {sigmas[row]:g}: it must be above 0")
     if len(points) < 6:
         raise FileError(f"{path}: {len(points)} points tell no mirror: at least 6 are needed")
+    if nominal is None:
+        if unit is None:
+            notes.append("no unit is stated; the coordinates are taken to be in mm")
+        return MeasuredPoints(points, sigmas, missing, tuple(notes))
     likely = likely_unit(nominal, points)
     if unit is None:
         if likely is None:

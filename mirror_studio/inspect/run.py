@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from mirror_cad.made.verdict import Verdict, verdict
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json
+from mirror_studio.inspect.alone import NearestSphere, reference_of_points, write_laws
 from mirror_studio.inspect.as_json import inspection_as_json, view_as_json
 from mirror_studio.inspect.data import MeasuredPoints, read_points, read_table
 from mirror_studio.inspect.driver import drivers_view
@@ -42,8 +43,8 @@ class Asked:
     ----------
     data : tuple of Path
         The measured files: one of points, and any of slopes, curvatures and readings.
-    against : str
-        A preset, a specification or a STEP file.
+    against : str or None
+        A preset, a specification or a STEP file; None for a mirror without a design.
     align : str
         How the points are laid on the design.
     sigma_mm : float or None
@@ -53,7 +54,7 @@ class Asked:
     """
 
     data: tuple[Path, ...]
-    against: str
+    against: str | None
     align: Align = "best-fit"
     sigma_mm: float | None = None
     gauge_mm: float | None = None
@@ -86,9 +87,34 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
         With nothing written.
     """
     _check(asked)
+    if asked.against is None:
+        return _alone(asked, out, progress, pdf)
     progress.step(f"{asked.against}: reading the design")
     reference = load_reference(asked.against)
     read, others = _read(asked, reference, progress)
+    return _inspected(asked, reference, read, others, None, out, progress, pdf)
+
+
+def _alone(asked: Asked, out: Path, progress: Progress, pdf: bool) -> tuple[JsonObject, tuple[str, ...]]:
+    """An inspection against the nearest sphere."""
+    if len(asked.data) != 1:
+        raise SpecError("without --against one file of points is inspected: slopes, curvatures and readings need a design")
+    path = asked.data[0]
+    progress.step(f"{path.name}: reading")
+    table = read_table(path)
+    if table is not None and kind_of(table) != "points":
+        raise SpecError(f"{path}: without --against only points tell a mirror: give the design with --against")
+    read = read_points(path, table, None)
+    reference, sphere = reference_of_points(path.stem, read.points)
+    progress.step(f"{path.name}: nearest " + ("plane" if sphere.radius_mm is None else f"sphere {sphere.radius_mm:.2f} mm"))
+    return _inspected(replace(asked, align="none"), reference, read, [], sphere, out, progress, pdf)
+
+
+def _inspected(asked: Asked, reference: Reference, read: MeasuredPoints, others: list[OtherData], sphere: NearestSphere | None,
+               out: Path, progress: Progress, pdf: bool) -> tuple[JsonObject, tuple[str, ...]]:
+    """The set of an inspection of what was read."""
+    against = asked.against or "the nearest " + ("plane" if sphere is None or sphere.radius_mm is None else
+                                                 f"sphere, {sphere.radius_mm:.2f} mm")
     for note in (*read.notes, *(note for each in others for note in each.notes)):
         progress.step(f"note: {note}")
     sigmas = read.sigmas if asked.sigma_mm is None else np.full(len(read.points), asked.sigma_mm)
@@ -111,6 +137,9 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
         write_residuals(folder / f"{name}-residuals.csv", found)
         surface = measured_surface(reference.nominal, found.reconstruction.smooth)
         write_measured_step(folder / f"{name}-measured.step", reference, surface)
+        if sphere is not None:
+            content["sphere"] = {"radius_mm": sphere.radius_mm, "rms_mm": sphere.rms_mm}
+            content["laws"] = write_laws(folder, name, found)
         view = None
         if main.measured_share >= SEEN_SHARE:
             progress.step(f"{name}: what the driver sees")
@@ -118,13 +147,13 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
             content["driver"] = view_as_json(view, found.fields.lattice)
         write_json(folder / "inspection.json", content)
         write_maps(folder / f"{name}-maps.csv", found, view)
-        facts = basis(found, source, asked.against)
+        facts = basis(found, source, against)
         write_sheet(folder / "report.html", f"{name}: inspection of a made mirror", facts, found, main, judged, view, notes)
         if pdf:
             from mirror_studio.report.pdf import write_pdf
 
             write_pdf(folder / "report.html", folder / "report.pdf")
-        write_json(folder / MANIFEST, {"schema": 1, "measured": source, "against": asked.against, "align": asked.align,
+        write_json(folder / MANIFEST, {"schema": 1, "measured": source, "against": against, "align": asked.align,
                                        "versions": versions(), "files": hashes(folder)})
     progress.step(f"done: open {out / 'report.html'}")
     return content, _missed(judged, main)
