@@ -150,17 +150,19 @@ def plan(found: MissingGround, host: HostVehicle | None = None) -> Markup:
     ticks = []
     for value in _ticks(low[0], high[0], X_TICKS):
         x_px = float(at(np.array([[1e3 * value, 0.0]]))[0, 0])
+        anchor = "end" if x_px > WIDTH_PX - LEFT_PX / 2.0 else "middle"  # the last number stays in the picture
         ticks.append(f'<line x1="{x_px:.2f}" y1="{height:.2f}" x2="{x_px:.2f}" y2="{height + 7.0:.2f}" style="stroke:#5a6573"/>'
-                     f'<text x="{x_px:.2f}" y="{height + 28.0:.2f}" text-anchor="middle" {text}>{_number(value)}</text>')
+                     f'<text x="{x_px:.2f}" y="{height + 28.0:.2f}" text-anchor="{anchor}" {text}>{_number(value)}</text>')
     for value in _ticks(low[1], high[1], max(2, int(height / 60.0))):
         y_px = float(at(np.array([[0.0, 1e3 * value]]))[0, 1])
         ticks.append(f'<line x1="{LEFT_PX - 7.0:.2f}" y1="{y_px:.2f}" x2="{LEFT_PX:.2f}" y2="{y_px:.2f}" '
                      'style="stroke:#5a6573"/>'
                      f'<text x="{LEFT_PX - 11.0:.2f}" y="{y_px + 8.0:.2f}" text-anchor="end" {text}>{_number(value)}</text>')
-    frame = (f'<clipPath id="frame"><rect x="{LEFT_PX:g}" y="0" width="{WIDTH_PX - LEFT_PX:g}" height="{height:.1f}"/>'
-             '</clipPath>')
+    frame = f"frame-{height:.0f}"  # of its own, where a page has several
+    clip = (f'<clipPath id="{frame}"><rect x="{LEFT_PX:g}" y="0" width="{WIDTH_PX - LEFT_PX:g}" height="{height:.1f}"/>'
+            '</clipPath>')
     return Markup(f'<svg viewBox="0 0 {WIDTH_PX:g} {height + BELOW_PX:.1f}" role="img" aria-label="Required ground in plan">'
-                  f'{frame}<g clip-path="url(#frame)">' + "".join(shapes) + axis + "</g>" + "".join(ticks) + "</svg>")
+                  f'{clip}<g clip-path="url(#{frame})">' + "".join(shapes) + axis + "</g>" + "".join(ticks) + "</svg>")
 
 
 def _ticks(low: float, high: float, parts: int) -> Array:
