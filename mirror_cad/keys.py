@@ -120,6 +120,8 @@ def _radius(value: object) -> float:
 
 
 def _radius_or_flat(value: object) -> float:
+    if isinstance(value, str) and value in ("inf", "-inf"):  # what JSON, which has no such number, is given for it
+        value = float(str(value))
     if not is_number(value) or math.isnan(value) or value == 0:
         raise ValueError("must be a number of mm other than 0 (inf is flat, a negative radius concave)")
     return _not_tiny(float(value))

@@ -106,3 +106,10 @@ def test_a_specification_in_a_manifest_is_one_again(outline: dict[str, object]) 
     again = validate_spec(json.loads(json.dumps(spec_as_json(spec))))
     assert again.outline == spec.outline
     assert spec_as_json(again) == spec_as_json(spec)
+
+
+def test_a_flat_mirror_s_specification_is_one_again() -> None:
+    flat = load_spec("flat")
+    again = validate_spec(json.loads(json.dumps(spec_as_json(flat), allow_nan=False)))
+    assert again.horizontal == flat.horizontal
+    assert again.vertical == flat.vertical

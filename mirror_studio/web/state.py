@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -79,12 +78,9 @@ def _checked(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
     raw = {name: dict(section) if isinstance(section, dict) else section for name, section in state.items()}
     for law in ("horizontal", "vertical"):
         section = raw.get(law)
-        if isinstance(section, dict):
-            if "file" in section:
-                raise SpecError(f"{law}.file = {str(section['file'])[:60]!r}: the studio reads no files by their names: bring "
-                                "the table in with \"Table from CSV\"")
-            for key, value in section.items():
-                section[key] = _numbers(value)
+        if isinstance(section, dict) and "file" in section:
+            raise SpecError(f"{law}.file = {str(section['file'])[:60]!r}: the studio reads no files by their names: bring "
+                            "the table in with \"Table from CSV\"")
     limits = raw.get("limits")
     if isinstance(limits, dict):
         for key, value in limits.items():
@@ -165,10 +161,3 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value)
-
-
-def _numbers(value: Any) -> Any:
-    """The text "inf" is the number in a law: JSON has none."""
-    if isinstance(value, list):
-        return [_numbers(item) for item in value]
-    return float(value) if isinstance(value, str) and re.fullmatch(r"[+-]?inf", value) else value
