@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -272,6 +273,15 @@ def test_the_front_is_what_its_step_files_hold(tmp_path: Path) -> None:
     front = rows(tmp_path / "out" / "front.csv")
     assert front
     assert all(float(row["step_apart"]) < 1e-6 for row in front)
+
+
+def test_the_studies_that_come_along_can_be_read() -> None:
+    names = sorted(each.name.removesuffix(".toml") for each in (resources.files("mirror_studio") / "studies").iterdir()
+                   if each.name.endswith(".toml"))
+    assert names == ["paper-front", "paper-left-radius", "perspective-heights"]
+    for name in names:
+        loaded = load_study(Path(name), optimise=name == "paper-front")
+        assert loaded.scene == "motorway"
 
 
 def test_two_commands_do_not_work_on_one_study(swept: tuple[Study, Path]) -> None:
