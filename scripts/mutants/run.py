@@ -22,7 +22,7 @@ SLOWER, GRACE_S = 4.0, 60.0  # a test file that takes so many times its seconds,
 def main() -> None:
     """Run the sample and the stated faults; a fault that has a result is not run again."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="faults whose name holds this text")
+    parser.add_argument("--only", default="", help="files whose path holds this text")
     parser.add_argument("--seconds", type=float, default=60.0, help="of tests for each fault, those that execute most first")
     parser.add_argument("--survivors", action="store_true", help="run survivors again, with tests they have not had")
     parser.add_argument("--list", action="store_true", help="list the faults and plant none")
@@ -33,10 +33,10 @@ def main() -> None:
     if RESULTS.exists():
         rows = {row["name"]: row for row in map(json.loads, RESULTS.read_text(encoding="utf-8").splitlines())}
     with copy_of_project() as folder:
-        for fault in _faults(plan, folder):
+        for fault in _faults(plan, folder, asked.only):
             row = rows.get(fault.name)
             again = asked.survivors and row is not None and not row["seen_by"]
-            if asked.only not in fault.name or (row is not None and not again):
+            if asked.only not in fault.path or (row is not None and not again):
                 continue
             if asked.list:
                 print(fault.kind, fault.name)
@@ -49,10 +49,10 @@ def main() -> None:
             print(f"{row['seen_by'] or 'SURVIVED'} [{' '.join(row['run'])}] line {fault.line}: {fault.name}", flush=True)
 
 
-def _faults(plan: dict[str, Any], folder: Path) -> list[Fault]:
+def _faults(plan: dict[str, Any], folder: Path, only: str) -> list[Fault]:
     """The stated faults, and the sample: the first of each file, the second of each and so on."""
-    sources = {path: (folder / path).read_text(encoding="utf-8") for path in plan["files"]}
-    samples = [sampled(path, sources[path], count, plan["seed"]) for path, count in plan["files"].items()]
+    sources = {path: (folder / path).read_text(encoding="utf-8") for path in plan["files"] if only in path}
+    samples = [sampled(path, sources[path], count, plan["seed"]) for path, count in plan["files"].items() if only in path]
     stated = [by_hand(fault["file"], (folder / fault["file"]).read_text(encoding="utf-8"), fault["old"], fault["new"])
               for fault in plan.get("fault", ())]
     return stated + [fault for turn in itertools.zip_longest(*samples) for fault in turn if fault is not None]
