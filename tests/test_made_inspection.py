@@ -142,6 +142,25 @@ def test_the_verdict_passes_fails_and_knows_when_it_cannot_tell() -> None:
     assert [verdict(fields, limit).outcome for limit in (5.0, 1.0, 2.5)] == ["pass", "fail", "undecided"]
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["progressive-c", "sphere-1250"])
+def test_stated_sigmas_are_the_scatter_of_the_whole_way_and_intervals_cover(name: str) -> None:
+    """5 µm on 5 mm points, best fit included: sigma within 10 % of the scatter, 93 to 97 % covered, k1 of a sphere too."""
+    rng, at = np.random.default_rng(2), points(name)
+    values: dict[str, list[Array]] = {}
+    for _ in range(12):
+        noisy = at + 0.005 * rng.standard_normal(at.shape)
+        fields = inspect_over(nominal(name), noisy, np.full(len(at), 0.005), gauge_mm=38.0).fields
+        for key in ("k1", "k2", "kx", "ky", "twist"):
+            value, sigma = fields.percent(key)  # type: ignore[arg-type]
+            values.setdefault(key, []).append(np.stack([value, sigma])[:, fields.known])
+    for key, found in values.items():
+        value, sigma = np.concatenate(found, axis=1)
+        assert np.sqrt(np.mean(value**2)) == pytest.approx(np.sqrt(np.mean(sigma**2)), rel=0.1), key
+        assert 0.93 < float((np.abs(value) < 1.959964 * sigma).mean()) < 0.97, key
+        assert np.sqrt(np.mean(value**2)) < 2.1, key
+
+
 def test_half_a_mirror_cannot_pass_but_it_can_fail() -> None:
     """What was not measured may be anything."""
     at = points("sphere-950")

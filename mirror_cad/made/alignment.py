@@ -14,7 +14,8 @@ from mirror_cad.made.nominal import Nominal
 Array = NDArray[np.float64]
 
 MAX_STEPS = 60
-SETTLED_MM = 1e-10  # what a step may still move the mirror by
+# What a step may still move the mirror by, and as a share of what noise leaves open of the best-known direction.
+SETTLED_MM, SETTLED_SHARE = 1e-10, 1e-3
 TUKEY = 6.0  # of the scale: points farther off count nothing
 MAD = 1.4826  # of the median of absolute values: the sigma of a normal distribution
 # Of the residuals' sigma times the mirror's size over the points' root: a direction of motion that the shape tells of less
@@ -94,7 +95,8 @@ def best_fit(nominal: Nominal, points: Array, start: Motion, sigmas: Array | Non
         jacobian = np.concatenate([feet.normal, np.cross(at - centre, feet.normal)], axis=1)
         move, covariance, undetermined = _step(jacobian, feet.distance, weights, at, nominal, centre, scale)
         motion = motion.then(move[3:], move[:3], centre)
-        if np.abs(move[:3]).max() + np.abs(move[3:]).max() * size < max(SETTLED_MM, 1e-14 * float(np.abs(points).max())):
+        settled = max(SETTLED_MM, 1e-14 * float(np.abs(points).max()), SETTLED_SHARE * scale / np.sqrt(len(points)))
+        if np.abs(move[:3]).max() + np.abs(move[3:]).max() * size < settled:
             break
     return Alignment(motion, covariance, centre, undetermined, float(scale))
 

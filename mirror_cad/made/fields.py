@@ -13,7 +13,7 @@ from mirror_cad.made.gauge import at_points, disc, on_gauge
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.reconstruction import Reconstruction
 from mirror_cad.sections import SagDerivatives
-from mirror_cad.surfaces.differential import ShapeOperator, rms_norm, shape_operator_of_sag
+from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, rms_norm, shape_operator_of_sag
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -159,8 +159,23 @@ def deviation_fields(nominal: Nominal, found: Reconstruction, gauge_mm: float) -
     return DeviationFields(
         lattice, gauge_mm, form[:, 0], np.sqrt(form_covariances[:, 0, 0]), form[:, 1], form[:, 2],
         np.where(there, np.sqrt(np.maximum(variance_of_slopes, 0.0)), np.nan),
-        differences(after, before), CurvatureFields(*np.sqrt(np.maximum(variances, 0.0)).T), before, after,
+        _without_bias(differences(after, before), before, after, jacobian, covariances),
+        CurvatureFields(*np.sqrt(np.maximum(variances, 0.0)).T), before, after,
         _scales(before, rms), there, fits, np.logical_and(known, told))
+
+
+def _without_bias(found: CurvatureFields, before: ShapeOperator, after: ShapeOperator, jacobian: Array,
+                  covariances: Array) -> CurvatureFields:
+    """k1 and k2 without what noise alone parts them by.
+
+    Of half their difference, |A| with A = (½(W11 − W22), W12), noise makes √(|A|² + tr cov A) on the average of the squares.
+    """
+    rows = np.stack([0.5 * (jacobian[:, 2] - jacobian[:, 3]), jacobian[:, 4]], axis=1)
+    noise = np.einsum("kai,kij,kaj->k", rows, covariances, rows)
+    mean = 0.5 * (after.w11 + after.w22)
+    half = np.sqrt(np.maximum(0.25 * (after.w11 - after.w22) ** 2 + after.w12**2 - noise, 0.0))
+    k1, k2 = principal_curvatures_of(before)
+    return found._replace(k1=mean + half - k1, k2=mean - half - k2)
 
 
 def _scales(designed: ShapeOperator, rms: float) -> CurvatureFields:
