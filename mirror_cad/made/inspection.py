@@ -24,7 +24,7 @@ Align = Literal["none", "321", "best-fit"]
 
 GAUGE_MM = 38.0  # a usual spherometer's outer feet
 BEYOND_MM = 2.0  # outside the outline: points farther off are not of the mirror
-LAST_STEPS = 2  # with all points, from where a part of them led: the first is off by its square
+LAST_STEPS = 1  # with all points, from where a part of them led: the first is off by its square
 FEW = 20_000  # points that an alignment is found with before all of them have their say
 LEAST_POINTS = 6
 # Odd numbers that spread the bits of coordinates over a key: two of a million points share one by chance once in 10⁷ files.
