@@ -31,6 +31,7 @@ LEAST_POINTS = 6
 MIXING = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 STRANGE = 0.05  # of the mirror's size, RMS after alignment: no mirror of this design
 MANY = 0.3  # of the points: more that agree with no surface are another one
+SCATTER = 1e-3  # of the mirror's size, RMS about the surface: no instrument is so rough
 HOLLOW = 0.1  # of the residuals within half their RMS; of a normal distribution 0.38
 
 
@@ -139,7 +140,7 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
         left_out["outliers"] = int((~found.kept).sum())
     used[rows] = found.kept
     if len(rows):
-        _refuse_two_surfaces(found)
+        _refuse_two_surfaces(found, nominal.size_mm)
     fields = deviation_fields(nominal, found, gauge_mm)
     return Inspection(nominal, motion, align, alignment, at, used, rows, left_out, found, fields, found.sigma_mm,
                       sigmas is not None)
@@ -159,7 +160,7 @@ def _aligned(nominal: Nominal, points: Array, sigmas: Array | None, given: Motio
     return best_fit(nominal, points, start.motion, sigmas)
 
 
-def _refuse_two_surfaces(found: Reconstruction) -> None:
+def _refuse_two_surfaces(found: Reconstruction, size_mm: float) -> None:
     """Raise ReconstructionError where the residuals lie on two sides of the surface and not about it."""
     residuals, kept = found.residuals, found.kept
     off = residuals[~kept]
@@ -171,9 +172,11 @@ def _refuse_two_surfaces(found: Reconstruction) -> None:
                                   "and back of the glass, a housing): leave the mirror's face")
     rms = float(np.sqrt(np.mean(residuals[kept] ** 2)))
     near = np.abs(residuals[kept]) < 0.5 * rms
-    if rms > 0.0 and near.mean() < HOLLOW:
+    if rms > SCATTER * size_mm or (rms > 0.0 and near.mean() < HOLLOW):
         apart = float(np.median(residuals[kept & (residuals > 0.0)]) - np.median(residuals[kept & (residuals < 0.0)]))
-        raise ReconstructionError(f"the points lie on two surfaces {apart:.3g} mm apart: leave one of them in the file")
+        raise ReconstructionError(f"the points lie on two surfaces about {apart:.3g} mm apart, or on none: leave the mirror's "
+                                  "face "
+                                  "alone in the file")
 
 
 def _first_of_equal(points: Array) -> NDArray[np.int64]:
