@@ -10,8 +10,9 @@ from mirror_cad.errors import FileError, MirrorError
 from mirror_cad.guarded import FallenError, GuardedProcess, Progress
 
 _READING = "mirror_cad.occt.reading"
-# How long the kernel may work on a file without getting further: it reads a megabyte in a second, a face in less.
-STALL_SECONDS = 25.0
+# How long the kernel may work on a file without getting further: it reads a megabyte in a second, a face in less, on a machine
+# that is busy with ten other things ten times as long; nobody waits a minute for a file that hangs.
+STALL_SECONDS = 45.0
 STALL_SECONDS_PER_BYTE = 10e-6
 # Address space of the child: what the machine has, and at least this; the kernel alone maps two gigabytes.
 MIN_MEMORY_BYTES = 6 * 10**9
