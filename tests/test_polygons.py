@@ -118,7 +118,7 @@ def test_random_simple_polygons_cover_what_their_outline_encloses(tmp_path: Path
         flat = with_straight_corners(rng, simple_polygon(rng, int(rng.integers(4, 20))))
         flat = np.roll(flat, int(rng.integers(len(flat))), axis=0)
         turn = np.roll(flat, -1, axis=0) - flat
-        concave += bool((np.cross(np.roll(turn, 1, axis=0), turn) < -1e-9).any())
+        concave += bool((np.linalg.det(np.stack([np.roll(turn, 1, axis=0), turn], axis=1)) < -1e-9).any())
         axes, origin = random_frame(rng)
         corners = flat @ axes[:2] + origin
         if number % 2:

@@ -235,6 +235,9 @@ WITHOUT_CONTROL = {f"{law}.{key}" for law in ("horizontal", "vertical") for key 
 WITHOUT_CONTROL |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
 # A mirror from a view is made from its file, not on the page.
 WITHOUT_CONTROL |= {f"target.{key}" for key in ("projection", "azimuth_deg", "elevation_deg", "x_mm", "y_mm", "eye", "convex")}
+# The panel of rules has what is asked for (tests/test_studio_rules.py); the spherometer's legs are the file's.
+WITHOUT_CONTROL |= {f"rules.{key}" for key in (
+    "rule", "class_name", "leg_mm", "reflectance_percent", "reflectance_night_percent")}
 WITHOUT_CONTROL |= {f"outline.{key}" for key in ("file", "layer", "join_mm", "loop")}  # how the file is read: its TOML's
 
 
