@@ -69,8 +69,8 @@ class ReferencePlane:
 
     def _on_plane(self) -> _OnPlane:
         _, x_max, _, y_max = self.bounds()
-        columns = self.picture.shape[1]
-        return _OnPlane(self.picture.ravel(), columns, x_max, y_max, columns / self.width_mm)
+        rows, columns, _ = self.picture.shape
+        return _OnPlane(self.picture.ravel(), columns, rows, x_max, y_max, columns / self.width_mm)
 
     def to_display(self, means: Array) -> Picture:
         """The nearest bytes."""
@@ -96,32 +96,31 @@ def rounded(means: Array) -> Picture:
 
 
 class _OnPlane(NamedTuple):
-    """A picture as the kernel takes it: its bytes and columns, where its left and top are, mm, and elements a mm."""
+    """A picture as the kernel takes it: its bytes, columns and rows, where its left and top are, mm, and elements a mm."""
 
     picture: NDArray[np.uint8]
     columns: int
+    rows: int
     x_max: float
     y_max: float
     per_mm: float
 
 
-NOTHING = _OnPlane(np.zeros(0, dtype=np.uint8), 1, 0.0, 0.0, 1.0)
+NOTHING = _OnPlane(np.zeros(0, dtype=np.uint8), 1, 0, 0.0, 0.0, 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _on(place, point, t, direction):
-    """Column, row and whether they lie on a picture, of where a ray meets the plane; in elements from the left and the top."""
-    rows = place.picture.size // (3 * place.columns)
-    column = (place.x_max - point[0] - t * direction[0]) * place.per_mm - 0.5  # the left is at the largest X
-    row = (place.y_max - point[1] - t * direction[1]) * place.per_mm - 0.5
-    return column, row, rows > 0 and -0.5 <= column <= place.columns - 0.5 and -0.5 <= row <= rows - 0.5
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _on(place, points, n, t, directions):
+    """Column, row and whether they lie on a picture, of where ray n meets the plane; in elements from the left and the top."""
+    column = (place.x_max - points[n, 0] - t * directions[n, 0]) * place.per_mm - 0.5  # the left is at the largest X
+    row = (place.y_max - points[n, 1] - t * directions[n, 1]) * place.per_mm - 0.5
+    return column, row, place.rows > 0 and -0.5 <= column <= place.columns - 0.5 and -0.5 <= row <= place.rows - 0.5
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _between(place, column, row):
     """The colour at a place between elements of a picture, linear between the nearest four."""
-    picture, columns = place.picture, place.columns
-    rows = picture.size // (3 * columns)
+    picture, columns, rows = place.picture, place.columns, place.rows
     right, below = 3 * min(columns - 1, 1), 3 * columns * min(rows - 1, 1)  # from an element to the next ones
     column, row = min(max(column, 0.0), columns - 1.0), min(max(row, 0.0), rows - 1.0)
     i, j = min(int(row), max(rows - 2, 0)), min(int(column), max(columns - 2, 0))
@@ -148,11 +147,11 @@ def _add_colours(status, points, directions, z, inner, outer, background, beside
                 continue
             t = (z - points[n, 2]) / directions[n, 2]
             lands = 0.0 < t < np.inf
-            column, row, inside = _on(inner, points[n], t, directions[n])
+            column, row, inside = _on(inner, points, n, t, directions)
             if lands and inside:
                 r, g, b = _between(inner, column, row)
             else:
-                column, row, inside = _on(outer, points[n], t, directions[n])
+                column, row, inside = _on(outer, points, n, t, directions)
                 if lands and inside:
                     r, g, b = _between(outer, column, row)
                 else:
