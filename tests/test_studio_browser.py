@@ -235,6 +235,7 @@ def test_a_dragged_point_has_one_radius_for_one_place_of_the_pointer(page: Page)
 
 def test_a_flat_law_is_a_line_at_the_top_in_words(page: Page, browser: Browser, studio: Studio) -> None:
     page.select_option('select[name="vertical.law"]', label="constant")
+    page.wait_for_timeout(600)  # the address has it by then, however fast the picture comes
     settled(page)
     page.evaluate("location.hash += '&vertical.radius_mm=inf'")
     expect(page.locator(".law >> nth=1")).to_contain_text("flat (R = ∞)", timeout=SOON)
@@ -300,6 +301,7 @@ def test_fields_show_what_is_in_force(page: Page) -> None:
     page.keyboard.press("Control+z")
     expect(limit).to_have_value("")
     page.select_option('select[name="vertical.law"]', label="table")
+    page.wait_for_timeout(600)  # a step of its own to undo, however fast the picture comes
     settled(page)
     cell = page.locator('input[name="vertical.radius_mm.2"]')
     before = cell.input_value()
