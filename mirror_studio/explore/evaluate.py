@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -41,8 +41,14 @@ def evaluate(index: int, values: tuple[float | str | bool, ...], raw: dict[str, 
 
     from_file : of what its exported STEP file holds.
     """
+    return row_of(index, values, measures, lambda: _in_use(raw, folder, scene, from_file))
+
+
+def row_of(index: int, values: tuple[float | str | bool, ...], measures: Sequence[str],
+           make: Callable[[], tuple[MirrorSpec, MirrorInUse]]) -> Row:
+    """Take the measures of the mirror that `make` makes. Whatever goes wrong there or here is the row's cause."""
     try:
-        spec, use = _in_use(raw, folder, scene, from_file)
+        spec, use = make()
         known = measures_of(use)
         rules = [name for name in measures if name not in known]
         of_rule = rule_figures(spec, use.setup.reflector, use.vehicle, rules) if rules else {}
@@ -80,12 +86,13 @@ def _in_use(raw: dict[str, Any], folder: str, scene: str | None, from_file: bool
     reflector = exported(spec) if from_file else Reflector.from_mirror(mirror)
     if scene is None:
         return spec, ViewingSetup.of(spec, mirror.box).in_use(reflector, mirror)
-    loaded, asked = _scene(scene)
+    loaded, asked = scene_and_asked(scene)
     return spec, in_use(on_vehicle(spec.name, reflector, loaded, spec, mirror), asked)
 
 
 @lru_cache(maxsize=4)
-def _scene(name: str) -> tuple[SceneFile, Asked]:
+def scene_and_asked(name: str) -> tuple[SceneFile, Asked]:
+    """A scene, and what it has measured."""
     loaded = load_scene(name)
     named, _ = bodies_and_left_out(loaded)
     return loaded, asked_of(loaded, {name: body for name, body in named if name})

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mirror_cad.errors import SpecError, WriteError
 from mirror_studio.explore.evaluate import Row
-from mirror_studio.explore.study import Study
+from mirror_studio.explore.study import Variants
 
 STORE = "study.jsonl"
 
@@ -23,7 +23,7 @@ class Store:
     Raises: SpecError where the folder holds another study; WriteError where it cannot be written.
     """
 
-    def __init__(self, folder: Path, study: Study) -> None:
+    def __init__(self, folder: Path, study: Variants) -> None:
         self.path, self.study = folder / STORE, study
         head: dict[str, object] = {"study": study.digest(), "keys": list(study.keys), "measures": list(study.measures)}
         self.rows: dict[int, Row] = {}
@@ -103,7 +103,7 @@ def _locked(stream: FileIO) -> bool:
     return True
 
 
-def write_rows(folder: Path, name: str, study: Study, rows: Sequence[Row], parquet: bool = False,
+def write_rows(folder: Path, name: str, study: Variants, rows: Sequence[Row], parquet: bool = False,
                more: Mapping[str, Sequence[object]] | None = None) -> None:
     """Write NAME.csv, and NAME.parquet where asked for: a column a key and a measure, status, cause, and more of them."""
     columns: dict[str, list[object]] = {}

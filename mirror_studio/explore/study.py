@@ -11,7 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +111,37 @@ class StudyFile(Section):
     seed: Annotated[int, Field(ge=0, le=2**31)] = 0
     vary: dict[str, Range]
     optimise: OptimiseSection | None = None
+
+
+class Variants(Protocol):
+    """What rows are of: mirrors that differ in the values of some keys, and the measures that are taken of each.
+
+    folder : what file names of the specification are relative to.   scene : its name or path.
+    """
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What their values are called."""
+        ...
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """By their names."""
+        ...
+
+    @property
+    def folder(self) -> Path: ...  # noqa: D102  # as above
+
+    @property
+    def scene(self) -> str | None: ...  # noqa: D102
+
+    def digest(self) -> str:
+        """What tells these rows from others."""
+        ...
+
+    def with_values(self, values: Sequence[Value]) -> dict[str, Any]:
+        """What a worker makes the mirror of."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from mirror_cad.errors import MirrorError
 from mirror_studio.explore.evaluate import Row, evaluate, evaluate_file, failed
-from mirror_studio.explore.study import Study, Value
+from mirror_studio.explore.study import Value, Variants
 from raytrace import parallel
 
 if TYPE_CHECKING:
@@ -29,11 +29,12 @@ AT_ONCE = 500  # designs handed out: more would only fill the scheduler's memory
 class Workers:
     """Where designs are evaluated; a cluster starts with the first of more than FEW designs.
 
-    scheduler : the address of a Dask scheduler; without one, a local cluster of one process a core.
+    scheduler : the address of a Dask scheduler; without one, a local cluster of one process a core.   judge : what takes the
+    row of a design; `evaluate` without it.
     """
 
-    def __init__(self, study: Study, scheduler: str | None = None) -> None:
-        self.study, self.scheduler = study, scheduler
+    def __init__(self, study: Variants, scheduler: str | None = None, judge: Callable[..., Row] | None = None) -> None:
+        self.study, self.scheduler, self.judge = study, scheduler, judge
         self._client: Client | None = None
         self._stack = contextlib.ExitStack()
         if scheduler is not None:
@@ -47,7 +48,7 @@ class Workers:
         """
         if self._client is None and len(designs) > FEW:
             self._client = self._local()
-        judge = evaluate_file if from_files else evaluate
+        judge = evaluate_file if from_files else self.judge or evaluate
         for start in range(0, len(designs), AT_ONCE):
             part = designs[start:start + AT_ONCE]
             yield from self._here(part, judge) if self._client is None else self._on(self._client, part, judge)
