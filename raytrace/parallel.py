@@ -6,41 +6,49 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 RUN = 16_384  # rays at most: some milliseconds of work, whose rays and results stay in a core's cache
 MIN_RUN = 2_048  # rays that are worth another thread: some 0.2 ms of work against 0.05 ms to hand them over
 THREADS = len(os.sched_getaffinity(0))
-PREFIX = "rays"
 # Runs in all are a multiple of this: they are the same on every number of cores, since the kernels round by how rays are
 # divided among blocks, and as many for each of 1, 2, 4 and 8 cores.
 SHARES = 8
 ALIGNED = 64  # rays: whole blocks of the kernels
 _pools: list[ThreadPoolExecutor] = []  # none or one
+_thread = threading.local()  # in_run: whether the thread is at one of several runs
 
 
-def run_size(n: int, run: int = RUN) -> int:
-    """Rays of a run for n of them: it depends on n and `run` alone, so that results are the same on any number of cores."""
-    shares = SHARES * max(1, -(-n // (SHARES * run)))
-    return min(run, max(MIN_RUN, ALIGNED * -(-n // (ALIGNED * shares))))
+def run_size(n: int, run: int = RUN, shares: int = SHARES) -> int:
+    """Rays of a run for n of them: it depends on n, `run` and `shares`, not on the cores, and so do results.
+
+    shares : what the number of runs is a multiple of, where they are long enough.
+    """
+    runs = shares * max(1, -(-n // (shares * run)))
+    return min(run, max(MIN_RUN, ALIGNED * -(-n // (ALIGNED * runs))))
 
 
 def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done: Callable[[int], None] | None = None) -> None:
-    """Call work(start, stop) for consecutive runs that cover 0 … n, on all cores; inside such a run, on its own core.
+    """Call work(start, stop) for consecutive runs that cover 0 … n, on all cores.
+
+    Inside one of several runs nothing is shared out any more: its core takes as few runs as `run` allows.
 
     done : called with the number of rays that are done, from the caller's thread. What it or a run raises is raised here,
     after the runs that have begun: those that have not are dropped.
     """
-    size = run_size(n, run)
+    in_run = getattr(_thread, "in_run", False)
+    size = run_size(n, run, 1 if in_run else SHARES)
     starts = range(0, n, size)
-    if len(starts) <= 1 or THREADS == 1 or threading.current_thread().name.startswith(PREFIX):
+    each = work if in_run or len(starts) <= 1 else partial(_one_of_several, work)
+    if each is work or THREADS == 1:
         for start in starts:
-            work(start, min(start + size, n))
+            each(start, min(start + size, n))
             if done is not None:
                 done(min(start + size, n))
         return
     if not _pools:
-        _pools.append(ThreadPoolExecutor(THREADS, thread_name_prefix=PREFIX))
-    futures = [_pools[0].submit(work, start, min(start + size, n)) for start in starts]
+        _pools.append(ThreadPoolExecutor(THREADS, thread_name_prefix="rays"))
+    futures = [_pools[0].submit(each, start, min(start + size, n)) for start in starts]
     try:
         for start, future in zip(starts, futures, strict=True):
             future.result()
@@ -52,6 +60,14 @@ def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done:
         for future in futures:
             if not future.cancelled():
                 future.exception()  # waits: nothing may still write into what the caller frees
+
+
+def _one_of_several(work: Callable[[int, int], None], start: int, stop: int) -> None:
+    _thread.in_run = True
+    try:
+        work(start, stop)
+    finally:
+        _thread.in_run = False
 
 
 # A forked process has none of its parent's threads: it starts its own.

@@ -43,6 +43,26 @@ def test_rays_are_reflected_to_the_same_bits_by_one_thread_and_by_three(monkeypa
     assert found[0] == found[1]
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_run_of_several_is_divided_no_further_on_any_number_of_threads(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "THREADS", threads)
+    monkeypatch.setattr(parallel, "_pools", [])
+
+    def parts_within(n: int) -> list[set[int]]:
+        found: list[set[int]] = []
+
+        def work(start: int, stop: int) -> None:
+            inner: set[int] = set()
+            parallel.parallel_for(lambda a, b: inner.add(b - a), 10_000)
+            found.append(inner)
+
+        parallel.parallel_for(work, n)
+        return found
+
+    assert parts_within(20_000) == [{10_000}] * 8
+    assert parts_within(100) == [{2048, 10_000 - 4 * 2048}]  # one run alone leaves the other cores free
+
+
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2, reason="needs two cores")
 def test_a_set_is_the_same_on_one_core_and_on_all(tmp_path: Path) -> None:
