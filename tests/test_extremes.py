@@ -25,7 +25,7 @@ class Disc:
     def __init__(self, *functions: object, length: float = 5.0) -> None:
         self.functions, self.length = functions, length
 
-    def __call__(self, curve: Index, place: Array) -> Samples:
+    def __call__(self, curve: Index, place: Array, _of: Index) -> Samples:
         at = np.where(curve[:, None] < 0, place, on_circle(2.0 * np.pi * place[:, 0] / self.length))
         inside = (curve >= 0) | (np.hypot(*at.T) <= 1.0)
         return Samples(np.stack([function(*at.T) for function in self.functions]), inside, at)  # type: ignore[operator]
@@ -84,7 +84,7 @@ def test_what_does_not_count_or_has_no_value_is_no_top() -> None:
 
 
 def test_of_several_curves_the_one_with_the_top_is_named() -> None:
-    def evaluate(curve: Index, place: Array) -> Samples:
+    def evaluate(curve: Index, place: Array, _of: Index) -> Samples:
         radius = np.where(curve == 1, 0.5, 1.0)
         at = np.where(curve[:, None] < 0, place, radius[:, None] * on_circle(2.0 * np.pi * place[:, 0] / (3.0 + curve)))
         value = -((np.hypot(*at.T) - 0.5) ** 2) - 0.1 * (at[:, 0] - 0.3) ** 2 - 0.1 * (at[:, 1] - 0.4) ** 2

@@ -20,6 +20,7 @@ from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
 from raytrace.visibility.edge import LEVEL, RayFunction, edge_of
 from raytrace.visibility.edges import Edges
+from raytrace.visibility.far_sizes import far_points, far_sizes
 from raytrace.visibility.image_points import follow_image_points, image_points
 from raytrace.visibility.plan import visible_intervals, visible_on_each
 from tests.conftest import designed
@@ -198,3 +199,41 @@ def test_edges_asked_together_are_those_asked_alone(hand: str) -> None:
             assert np.abs(found.of(j) - alone.of(0)).max(initial=0.0) < 1e-6  # mm, of up to 60 m
             directions = edge_of(view).crossings(LEVEL)[2].directions
             assert np.abs(level[of == j] - directions).max() < 1e-11
+
+
+@pytest.mark.parametrize("hand", POSES)
+@pytest.mark.parametrize("name", ["progressive-c", "flat", "bowl"])
+def test_far_directions_are_found_from_near_by_as_from_a_grid_and_are_as_large(name: str, hand: str) -> None:
+    """In any order, with directions among them that the sheet shows nowhere, and with starts that are far off or none."""
+    one, other = views(name, hand)
+    chance = np.random.default_rng(11)
+    at = chance.uniform(-100.0, 100.0, (150, 2))
+    _, traced = one.trace_over(*at.T)
+    directions = traced.directions.copy()
+    directions[3], directions[4] = -directions[3], np.nan
+    near = at + chance.normal(0.0, 15.0, at.shape)
+    near[5], near[6] = np.nan, [-125.0, 125.0]
+    around = np.stack([one.trace_over(at[:, 0] + step, at[:, 1])[1].directions for step in (-0.25, 0.25)])
+    around[0, 7], around[1, 8] = np.nan, np.nan
+    (sizes, shown), (expected, expected_shown) = (far_sizes(view, directions, around, near) for view in (one, other))
+    assert np.array_equal(shown, expected_shown)
+    assert shown.sum() > 100
+    for size in ("horizontal", "vertical", "area"):
+        assert getattr(sizes, size) == pytest.approx(getattr(expected, size), rel=1e-9, nan_ok=True)
+    known = np.isfinite(directions).all(axis=1)
+    found, inside = far_points(one, directions, near)
+    assert np.array_equal(inside, shown)
+    assert np.abs(found - at)[known & (np.arange(150) != 3)].max() < 1e-8  # mm: 1e-13 radians at a mirror's distance
+    assert np.isnan(found[3:5]).all()
+
+
+def test_what_lies_under_places_is_what_they_were_found_over() -> None:
+    one, other = views("progressive-c", "left")
+    at = np.random.default_rng(12).uniform(-120.0, 120.0, (60, 2))
+    at[0], at[1] = np.nan, 1e4  # nothing reflects there
+    for view in (one, other):
+        places, traced = view.trace_over(*at.T)
+        assert np.array_equal(np.isnan(places[:, 0]), ~traced.seen)
+        assert traced.seen.sum() == 58
+        assert view.surface_under(places[2:]) == pytest.approx(at[2:], abs=1e-9)
+        assert traced.directions[2:] == pytest.approx(one.untrimmed.trace_places(places[2:]).directions, abs=1e-12)

@@ -237,28 +237,28 @@ def _newton(ray, length, on_sheet, q, axes, reach, miss, longest, step):
     ω·(n·δ)/(n·ω)), dd = δ − 2(δ·n + ω·dn)·n − 2(ω·n)·dn, with the normal's change dn = −(h − n·(n·h))/w, h = H·dP the second
     derivatives' and w = √(1 + z_x² + z_y²); on the sheet dP is given, and δ = (dP − ω·(ω·dP))/t.
     """
-    w = np.sqrt(1.0 + q[Z_X] * q[Z_X] + q[Z_Y] * q[Z_Y])
-    nx, ny, nz = -q[Z_X] / w, -q[Z_Y] / w, 1.0 / w
+    nz, near = 1.0 / np.sqrt(1.0 + q[Z_X] * q[Z_X] + q[Z_Y] * q[Z_Y]), 1.0 / length
+    nx, ny = -q[Z_X] * nz, -q[Z_Y] * nz
     along = ray[0] * nx + ray[1] * ny + ray[2] * nz
     s00 = s01 = s10 = s11 = 0.0
     for i in range(2):
         if on_sheet:
             px, py, pz = (1.0, 0.0, q[Z_X]) if i == 0 else (0.0, 1.0, q[Z_Y])
             far = ray[0] * px + ray[1] * py + ray[2] * pz
-            ex, ey, ez = (px - ray[0] * far) / length, (py - ray[1] * far) / length, (pz - ray[2] * far) / length
+            ex, ey, ez = (px - ray[0] * far) * near, (py - ray[1] * far) * near, (pz - ray[2] * far) * near
             leaning = ex * nx + ey * ny + ez * nz
         else:
-            ex, ey, ez = -ray[0] * ray[i] / length, -ray[1] * ray[i] / length, -ray[2] * ray[i] / length
+            ex, ey, ez = -ray[0] * ray[i] * near, -ray[1] * ray[i] * near, -ray[2] * ray[i] * near
             if i == 0:
-                ex += 1.0 / length
+                ex += near
             else:
-                ey += 1.0 / length
+                ey += near
             leaning = ex * nx + ey * ny + ez * nz
             share = leaning / along
             px, py, pz = q[T] * (ex - ray[0] * share), q[T] * (ey - ray[1] * share), q[T] * (ez - ray[2] * share)
         hx, hy = 2.0 * q[HALF_XX] * px + q[XY] * py, q[XY] * px + 2.0 * q[HALF_YY] * py
         over = nx * hx + ny * hy
-        bx, by, bz = -(hx - nx * over) / w, -(hy - ny * over) / w, nz * over / w
+        bx, by, bz = (nx * over - hx) * nz, (ny * over - hy) * nz, nz * over * nz
         twice = leaning + bx * ray[0] + by * ray[1] + bz * ray[2]
         vx = ex - 2.0 * twice * nx - 2.0 * along * bx + reach * px
         vy = ey - 2.0 * twice * ny - 2.0 * along * by + reach * py
@@ -271,7 +271,7 @@ def _newton(ray, length, on_sheet, q, axes, reach, miss, longest, step):
             s01, s11 = first, second
     determinant = s00 * s11 - s01 * s10
     x, y = (s01 * miss[1] - s11 * miss[0]) / determinant, (s10 * miss[0] - s00 * miss[1]) / determinant
-    far = np.hypot(x, y)
+    far = np.sqrt(x * x + y * y)
     if far < np.inf:
         shorter = longest / far if far > longest else 1.0
         step[0], step[1] = shorter * x, shorter * y
@@ -453,51 +453,54 @@ def _frame(x, y, z, f):
     f[3], f[4], f[5] = f[1] * z - f[2] * y, f[2] * x - f[0] * z, f[0] * y - f[1] * x
 
 
+@compiled(fastmath={"contract"}, _nrt=False)
+def _differential(w, rotation, jacobian, shift):
+    """How the ray in w[12:15], that meets the sheet at what is in w[:12], leaves when it turns: jacobian and shift (2, 2)."""
+    before, after, turn, p, d = w[15:21], w[21:27], w[27:30], w[30:33], w[33:36]
+    root = np.sqrt(1.0 + w[Z_X] * w[Z_X] + w[Z_Y] * w[Z_Y])
+    nx, ny, nz = -w[Z_X] / root, -w[Z_Y] / root, 1.0 / root
+    along = w[12] * nx + w[13] * ny + w[14] * nz
+    rx, ry, rz = w[12] - 2.0 * along * nx, w[13] - 2.0 * along * ny, w[14] - 2.0 * along * nz
+    for c in range(3):
+        turn[c] = rotation[c, 0] * w[12] + rotation[c, 1] * w[13] + rotation[c, 2] * w[14]
+    _frame(turn[0], turn[1], turn[2], before)
+    for c in range(3):
+        turn[c] = rotation[c, 0] * rx + rotation[c, 1] * ry + rotation[c, 2] * rz
+    _frame(turn[0], turn[1], turn[2], after)
+    for j in range(2):
+        for c in range(3):
+            turn[c] = 0.0
+            for k in range(3):
+                turn[c] += rotation[k, c] * before[3 * j + k]
+        leaning = turn[0] * nx + turn[1] * ny + turn[2] * nz
+        share = leaning / along
+        for c in range(3):
+            p[c] = w[T] * (turn[c] - w[12 + c] * share)
+        hx, hy = 2.0 * w[HALF_XX] * p[0] + w[XY] * p[1], w[XY] * p[0] + 2.0 * w[HALF_YY] * p[1]
+        over = nx * hx + ny * hy
+        bx, by, bz = -(hx - nx * over) / root, -(hy - ny * over) / root, nz * over / root
+        twice = leaning + bx * w[12] + by * w[13] + bz * w[14]
+        d[0] = turn[0] - 2.0 * twice * nx - 2.0 * along * bx
+        d[1] = turn[1] - 2.0 * twice * ny - 2.0 * along * by
+        d[2] = turn[2] - 2.0 * twice * nz - 2.0 * along * bz
+        for i in range(2):
+            jacobian[i, j] = shift[i, j] = 0.0
+            for c in range(3):
+                at = rotation[c, 0] * d[0] + rotation[c, 1] * d[1] + rotation[c, 2] * d[2]
+                jacobian[i, j] += after[3 * i + c] * at
+                at = rotation[c, 0] * p[0] + rotation[c, 1] * p[1] + rotation[c, 2] * p[2]
+                shift[i, j] += after[3 * i + c] * at
+
+
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
 def _differentials(w, s, eye, places, rotation, jacobian, shift, path, seen):
-    before, after, turn, p, d = w[15:21], w[21:27], w[27:30], w[30:33], w[33:36]
     for n in range(places.shape[0]):
         seen[n] = _ray_through(s, eye, places[n, 0], places[n, 1], w) == HIT
-        if not seen[n]:
-            path[n] = np.nan
-            for i in range(2):
-                for j in range(2):
-                    jacobian[n, i, j] = shift[n, i, j] = np.nan
-            continue
-        path[n] = w[T]
-        root = np.sqrt(1.0 + w[Z_X] * w[Z_X] + w[Z_Y] * w[Z_Y])
-        nx, ny, nz = -w[Z_X] / root, -w[Z_Y] / root, 1.0 / root
-        along = w[12] * nx + w[13] * ny + w[14] * nz
-        rx, ry, rz = w[12] - 2.0 * along * nx, w[13] - 2.0 * along * ny, w[14] - 2.0 * along * nz
-        for c in range(3):
-            turn[c] = rotation[c, 0] * w[12] + rotation[c, 1] * w[13] + rotation[c, 2] * w[14]
-        _frame(turn[0], turn[1], turn[2], before)
-        for c in range(3):
-            turn[c] = rotation[c, 0] * rx + rotation[c, 1] * ry + rotation[c, 2] * rz
-        _frame(turn[0], turn[1], turn[2], after)
-        for j in range(2):
-            for c in range(3):
-                turn[c] = 0.0
-                for k in range(3):
-                    turn[c] += rotation[k, c] * before[3 * j + k]
-            leaning = turn[0] * nx + turn[1] * ny + turn[2] * nz
-            share = leaning / along
-            for c in range(3):
-                p[c] = w[T] * (turn[c] - w[12 + c] * share)
-            hx, hy = 2.0 * w[HALF_XX] * p[0] + w[XY] * p[1], w[XY] * p[0] + 2.0 * w[HALF_YY] * p[1]
-            over = nx * hx + ny * hy
-            bx, by, bz = -(hx - nx * over) / root, -(hy - ny * over) / root, nz * over / root
-            twice = leaning + bx * w[12] + by * w[13] + bz * w[14]
-            d[0] = turn[0] - 2.0 * twice * nx - 2.0 * along * bx
-            d[1] = turn[1] - 2.0 * twice * ny - 2.0 * along * by
-            d[2] = turn[2] - 2.0 * twice * nz - 2.0 * along * bz
-            for i in range(2):
-                jacobian[n, i, j] = shift[n, i, j] = 0.0
-                for c in range(3):
-                    at = rotation[c, 0] * d[0] + rotation[c, 1] * d[1] + rotation[c, 2] * d[2]
-                    jacobian[n, i, j] += after[3 * i + c] * at
-                    at = rotation[c, 0] * p[0] + rotation[c, 1] * p[1] + rotation[c, 2] * p[2]
-                    shift[n, i, j] += after[3 * i + c] * at
+        if seen[n]:
+            path[n] = w[T]
+            _differential(w, rotation, jacobian[n], shift[n])
+        else:
+            path[n] = jacobian[n, :] = shift[n, :] = np.nan
 
 
 def ray_differentials(sheet: Sheet, eye: Array, places: Array, rotation: Array,

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.in_use import MirrorInUse
-from raytrace.measures.magnification import surface_under
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
-from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.viewing.view import Mask, View, mirror_grid
 from raytrace.visibility.edge import Edge, edge_of
 from raytrace.visibility.extremes import Samples, largest
-from raytrace.visibility.image_points import follow_image_points, image_points
+from raytrace.visibility.far_sizes import far_points, far_sizes
+from raytrace.visibility.image_points import shown_inside
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -87,7 +86,7 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
     both_see = _BothSee(views, size)
     coarse_x, coarse_y, _ = mirror_grid(views.middle, *COARSE)
     found = largest(both_see.samples, coarse_x, coarse_y, both_see.lengths, ON_EDGE)
-    signed, _, _, _ = both_see.at(found.curve, found.place)
+    signed, _, _ = both_see.at(found.curve, found.place, np.ones(len(found.curve), dtype=np.bool_))
     (most, steepest), (at, steepest_at) = np.diagonal(signed).tolist(), [tuple(one) for one in found.at.tolist()]
     known, rated = (bool(one) for one in np.isfinite(found.value))
     return Disparity(x, y, places, percent, _along_rows(percent, x), most if known else None, at if known else None,
@@ -117,37 +116,39 @@ class _BothSee:
     def lengths(self) -> Array:
         return np.array([len(ring) for _, _, ring in self.rings], dtype=np.float64)
 
-    def samples(self, curve: Index, place: Array) -> Samples:
-        signed, inside, at, _ = self.at(curve, place)
+    def samples(self, curve: Index, place: Array, of: Index) -> Samples:
+        signed, inside, at = self.at(curve, place, of != 0)
         return Samples(np.abs(signed), inside, at)
 
-    def at(self, curve: Index, place: Array) -> tuple[Array, Mask, Array, Array]:
-        """Disparity and its rate (2, n), whether the place counts, where it is (n, 2), and the far direction (n, 3)."""
+    def at(self, curve: Index, place: Array, rated: Mask) -> tuple[Array, Mask, Array]:
+        """Disparity and its rate (2, n), whether the place counts, and where it is (n, 2); no rate of what is not `rated`."""
         middle, n = self.views.middle, len(curve)
         at, directions, on_edge_of = np.full((n, 2), np.nan), np.full((n, 3), np.nan), np.full(n, -1)
+        seen = np.zeros(n, dtype=np.bool_)
         inner = np.flatnonzero(curve < 0)
         at[inner] = place[inner]
-        looked = np.full((n, 2), np.nan)
-        looked[inner] = middle.places_over(*place[inner].T)
-        directions[inner] = middle.untrimmed.trace_places(looked[inner]).directions
+        looked, traced = middle.trace_over(*place[inner].T)
+        directions[inner] = traced.directions
+        seen[inner] = shown_inside(middle, traced.on_mirror, looked)
         for c, (eye, edge, ring) in enumerate(self.rings):
             these = np.flatnonzero(curve == c)
             if these.size == 0:
                 continue
             places, traced = edge.along(ring, place[these, 0])
             directions[these], on_edge_of[these] = traced.directions, eye
-            looked[these], _ = (places, None) if eye == 1 else image_points(middle, traced.directions, at_infinity=True)
-            at[these] = surface_under(middle, looked[these])
+            at[these], seen[these] = (middle.surface_under(places), True) if eye == 1 \
+                else far_points(middle, traced.directions, traced.on_mirror[:, :2])
         step = middle.reflector.surface.resolution_mm or STEP_MM
-        beside = middle.places_over(np.concatenate([at[:, 0] - step, at[:, 0] + step]), np.tile(at[:, 1], 2))
-        around = middle.untrimmed.trace_places(beside).directions.reshape(2, n, 3)
-        (here, before, after), in_left, in_right = _of_directions(self.views, directions, self.size, around)
+        around = np.full((2, n, 3), np.nan)
+        beside = np.concatenate([at[rated, 0] - step, at[rated, 0] + step])
+        _, traced = middle.trace_over(beside, np.tile(at[rated, 1], 2))
+        around[:, rated] = traced.directions.reshape(2, -1, 3)
+        (here, before, after), in_left, in_right = _of_directions(self.views, directions, self.size, around, at)
         rate = (after - before) / (2.0 * step)
         for other in ((after - here) / step, (here - before) / step):  # beside what ends there
             rate = np.where(np.isfinite(rate), rate, other)
-        seen = (on_edge_of == 1) | middle.trace_places(looked).seen
         inside = seen & (in_left | (on_edge_of == 0)) & (in_right | (on_edge_of == 2))
-        return np.stack([here, rate]), inside, at, directions
+        return np.stack([here, rate]), inside, at
 
 
 def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
@@ -155,32 +156,21 @@ def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
     result = np.full(len(places), np.nan)
     traced = views.middle.trace_places(places)
     seen = np.flatnonzero(traced.seen)
-    (percent,), in_left, in_right = _of_directions(views, traced.directions[seen], size, np.empty((0, len(seen), 3)))
+    (percent,), in_left, in_right = _of_directions(views, traced.directions[seen], size, np.empty((0, len(seen), 3)),
+                                                   traced.on_mirror[seen, :2])
     result[seen] = np.where(in_left & in_right, percent, np.nan)
     return result
 
 
-def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array) -> tuple[Array, Mask, Mask]:
+def _of_directions(views: EyeViews, directions: Array, size: Size, around: Array, near: Array) -> tuple[Array, Mask, Mask]:
     """Disparity of far directions (n, 3) and of some beside each of them (k, n, 3): (1 + k, n).
 
-    NaN where a sheet shows one nowhere; and whether each eye sees the first inside, (n,) each.
+    NaN where a sheet shows one nowhere; and whether each eye sees the first inside, (n,) each. near (n, 2) : where on the
+    surface the middle sees them.
     """
-    k, n = len(around), len(directions)
-    percent, shown = np.full((1 + k, n), np.nan), np.zeros((2, n), dtype=np.bool_)
-    asked = np.flatnonzero(np.isfinite(directions).all(axis=1))
-    sizes = []
-    for eye, view in enumerate((views.left, views.right)):
-        places, shown[eye, asked] = image_points(view, directions[asked], at_infinity=True)
-        beside = np.tile(places, (k, 1))
-        known = np.isfinite(beside).all(axis=1) & np.isfinite(ways := around[:, asked].reshape(-1, 3)).all(axis=1)
-        beside[~known] = np.nan
-        if known.any():
-            beside[known], _ = follow_image_points(view.untrimmed, beside[known], ways[known], at_infinity=True)
-        found = ray_differentials(view.untrimmed, np.concatenate([places, beside]))
-        sizes.append(getattr(found.at(), size).reshape(1 + k, -1))
-    left, right = sizes
-    percent[:, asked] = 100.0 * (left - right) / (0.5 * (left + right))
-    return percent, shown[0], shown[1]
+    (left, in_left), (right, in_right) = (far_sizes(view, directions, around, near) for view in (views.left, views.right))
+    one, other = getattr(left, size), getattr(right, size)
+    return 100.0 * (one - other) / (0.5 * (one + other)), in_left, in_right
 
 
 def _along_rows(values: Array, x: Array) -> Array:

@@ -13,12 +13,12 @@ from raytrace.viewing.ray_differentials import Magnification, ray_differentials
 from raytrace.viewing.view import View, mirror_grid
 from raytrace.visibility.edge import edge_of
 from raytrace.visibility.extremes import Samples, largest
+from raytrace.visibility.image_points import shown_inside
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 COLUMNS, ROWS = 41, 61  # of a map
-GLASS_STEPS = 3  # from where a ray leaves the glass to what it is seen over: each leaves some hundredth
 ON_EDGE = 96  # places of the edge at which the largest and the least are looked for first
 COARSE = (13, 19)  # columns and rows of such places inside
 
@@ -107,10 +107,12 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
     edge = edge_of(view)
     rings = edge.rings()
 
-    def samples(curve: Index, place: Array) -> Samples:
+    def samples(curve: Index, place: Array, _of: Index) -> Samples:
         at, looked, on_edge = place.copy(), np.full((len(curve), 2), np.nan), curve >= 0
         inner = np.flatnonzero(~on_edge)
-        looked[inner] = view.places_over(*place[inner].T)
+        looked[inner], traced = view.trace_over(*place[inner].T)
+        seen = on_edge.copy()
+        seen[inner] = shown_inside(view, traced.on_mirror, looked[inner])
         for c, ring in enumerate(rings):
             these = np.flatnonzero(curve == c)
             if these.size:
@@ -118,7 +120,7 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
                 at[these] = traced.on_mirror[:, :2]
         found = ray_differentials(view.untrimmed, looked).at()
         values = np.stack([found.horizontal, found.vertical, found.ratio])
-        return Samples(np.concatenate([values, -values]), on_edge | view.trace_places(looked).seen, at)
+        return Samples(np.concatenate([values, -values]), seen, at)
 
     x, y, _ = mirror_grid(view, *COARSE)
     found = largest(samples, x, y, np.array([len(ring) for ring in rings], dtype=np.float64), ON_EDGE)
@@ -128,28 +130,6 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
         places = [(float(found.at[j, 0]), float(found.at[j, 1])) for j in (k + 3, k)]
         parts.append(Extent(least, most, *places) if np.isfinite([most, least]).all() else None)
     return MagnificationExtremes(*parts)
-
-
-def surface_under(view: View, places: Array) -> Array:
-    """Find the points of what reflects, without glass before it, at which the eye looks through points of the picture plane.
-
-    `View.places_over` the other way round, on the whole sheet. With glass, by three steps of a fixed point.
-
-    Parameters
-    ----------
-    view : the mirror as the eye sees it.
-    places : (n, 2), mm, of the picture plane.
-
-    Returns
-    -------
-    (n, 2), (x, y) in mm; NaN where the sheet reflects nothing.
-    """
-    at: Array = view.untrimmed.trace_places(places).on_mirror[:, :2].copy()
-    if view.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected
-        for _ in range(GLASS_STEPS):
-            off = places - view.places_over(*at.T)
-            at += np.where(np.isfinite(off), off, 0.0)
-    return at
 
 
 def map_in_use(use: MirrorInUse) -> MagnificationMap:

@@ -55,9 +55,9 @@ class RayDifferentials:
             Of the n rays.
         """
         if np.isinf(distance_mm):
-            return Magnification(*_seen_sizes(self.jacobian))
+            return magnification_of(self.jacobian)
         reach = (self.path_mm + distance_mm)[:, None, None]
-        return Magnification(*_seen_sizes((self.shift + distance_mm * self.jacobian) / reach))
+        return magnification_of((self.shift + distance_mm * self.jacobian) / reach)
 
     @cached_property
     def widening(self) -> Array:
@@ -133,12 +133,23 @@ def frame(directions: Array) -> tuple[Array, Array]:
 
 
 def _determinant(matrix: Array) -> Array:
-    result: Array = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
+    result: Array = matrix[..., 0, 0] * matrix[..., 1, 1] - matrix[..., 0, 1] * matrix[..., 1, 0]
     return result
 
 
-def _seen_sizes(matrix: Array) -> tuple[Array, Array, Array]:
-    """Lengths of A⁻¹·(1, 0) and A⁻¹·(0, 1), and 1/|det A|, of matrices A (n, 2, 2)."""
+def magnification_of(jacobian: Array) -> Magnification:
+    """Compute the magnification of far objects: lengths of J⁻¹·(1, 0) and J⁻¹·(0, 1), and 1/|det J|.
+
+    Parameters
+    ----------
+    jacobian : (…, 2, 2), J, as `RayDifferentials` has it.
+
+    Returns
+    -------
+    Magnification
+        Its arrays (…,).
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        area = 1.0 / np.abs(_determinant(matrix))
-        return np.hypot(matrix[:, 1, 1], matrix[:, 1, 0]) * area, np.hypot(matrix[:, 0, 1], matrix[:, 0, 0]) * area, area
+        area = 1.0 / np.abs(_determinant(jacobian))
+        return Magnification(np.hypot(jacobian[..., 1, 1], jacobian[..., 1, 0]) * area,
+                             np.hypot(jacobian[..., 0, 1], jacobian[..., 0, 0]) * area, area)

@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 
 THICKNESS = 10.0  # mm behind the face that count as inside the mirror
 ONE_BY_ONE = 128  # rays up to which a sheet's are traced one by one: handing out blocks costs as much as that
+GLASS_STEPS = 3  # from where a ray leaves the glass to what it is seen over: each leaves some hundredth
 EYE_CLEARANCE = 1e-6  # mm in front of the mirror's foremost point
 
 
@@ -145,6 +146,58 @@ class View:
         trace = reflect(self.reflector, self.eye_in_mirror, rays)
         return TracedRays(trace.status, self.pose.to_vehicle(trace.points),
                           self.pose.directions_to_vehicle(trace.directions), trace.points)
+
+    def surface_under(self, places: Array) -> Array:
+        """Find where on what reflects, without glass before it, the eye looks through points of the picture plane.
+
+        `places_over` the other way round, on the whole sheet. With glass, by three steps of a fixed point.
+
+        Parameters
+        ----------
+        places : (n, 2), mm, of the picture plane.
+
+        Returns
+        -------
+        (n, 2), (x, y) in mm; NaN where the sheet reflects nothing.
+        """
+        at: Array = self.untrimmed.trace_places(places).on_mirror[:, :2].copy()
+        if self.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected
+            for _ in range(GLASS_STEPS):
+                off = places - self.places_over(*at.T)
+                at += np.where(np.isfinite(off), off, 0.0)
+        return at
+
+    def trace_over(self, x: Array, y: Array) -> tuple[Array, TracedRays]:
+        """Trace the eye's rays to what reflects at (x, y), on the whole sheet that the mirror was cut from.
+
+        Parameters
+        ----------
+        x, y : (n,), mm, on the surface.
+
+        Returns
+        -------
+        places : (n, 2), mm, as `places_over` finds them.
+        traced : the rays there.
+        """
+        sheet = self.untrimmed.reflector.surface.sheet
+        if sheet is None:
+            places = self.places_over(x, y)
+            return places, self.untrimmed.trace_places(places)
+        # Where the rays meet the sheet is known: nothing is searched.
+        at = np.stack([x, y], axis=1)
+        surface = eye_rays.surface_points(sheet, at)
+        on_sheet = (surface[:, :2] == at).all(axis=1)
+        sure = eye_rays.reflected(sheet, self.posed, surface[on_sheet])
+        if sure is None:
+            places = self.places_over(x, y)
+            return places, self.untrimmed.trace_places(places)
+        if on_sheet.all():
+            return sure[0], TracedRays(np.zeros(len(at), dtype=np.int8), *sure[1:], surface[:, :3])
+        status = np.where(on_sheet, Status.REFLECTED, Status.MISSED).astype(np.int8)
+        places, points, directions, on_mirror = (np.full((len(at), c), np.nan) for c in (2, 3, 3, 3))
+        places[on_sheet], points[on_sheet], directions[on_sheet] = sure
+        on_mirror[on_sheet] = surface[on_sheet, :3]
+        return places, TracedRays(status, points, directions, on_mirror)
 
     def towards(self, places: Array) -> Array:
         """Compute where things are seen: unit directions in vehicle coordinates from the eye to points of the picture plane.

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import extremes as kernel
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -18,6 +20,10 @@ SQUARE = 9  # samples a direction about a place inside; each round leaves a quar
 ON_EDGE = 33  # samples of a piece of the edge; each round leaves a sixteenth
 CANDIDATES = 8  # places inside, and pieces of the edge, that are followed for each function
 OVERSHOOT = 0.5  # of the change to a neighbouring sample: how much higher than a sample a top beside it may be
+
+
+_SQUARE = np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, SQUARE)]), axis=2).reshape(-1, 2)
+_LINE = np.stack([np.linspace(-1.0, 1.0, ON_EDGE), np.zeros(ON_EDGE)], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +42,9 @@ class Samples:
     at: Array
 
 
-# On which closed curve places (n,) are, −1 for none, and what of it, (n, 2): (x, y), or the place on the curve and nothing.
-Evaluate = Callable[[Index, Array], Samples]
+# On which closed curve places (n,) are, −1 for none; what of it, (n, 2): (x, y), or the place on the curve and nothing; and of
+# which function's value is asked there, (n,), −1 for those of all.
+Evaluate = Callable[[Index, Array, Index], Samples]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,16 +75,10 @@ class _Search:
 
     def stencil(self) -> tuple[Index, Index, Array]:
         """The candidate (n,), the curve and the place of all samples."""
-        across = np.linspace(-1.0, 1.0, SQUARE)
-        square = np.stack(np.meshgrid(across, across), axis=2).reshape(-1, 2)
-        line = np.stack([np.linspace(-1.0, 1.0, ON_EDGE), np.zeros(ON_EDGE)], axis=1)
-        count = np.where(self.curve < 0, len(square), len(line))
-        which = np.repeat(np.arange(len(self.of)), count)
-        pattern = np.concatenate([square if curve < 0 else line for curve in self.curve])
+        inner = self.curve < 0
+        which = np.repeat(np.arange(len(self.of)), np.where(inner, len(_SQUARE), len(_LINE)))
+        pattern = np.concatenate([_SQUARE if one else _LINE for one in inner])
         return which, self.curve[which], self.place[which] + self.half[which] * pattern
-
-    def kept(self, which: Mask) -> _Search:
-        return _Search(self.of[which], self.curve[which], self.place[which], self.half[which])
 
 
 def largest(evaluate: Evaluate, x: Array, y: Array, lengths: Array, on_curve: int) -> Largest:
@@ -104,7 +105,7 @@ def largest(evaluate: Evaluate, x: Array, y: Array, lengths: Array, on_curve: in
     curve = np.concatenate([np.full(len(grid), -1), np.repeat(np.arange(len(lengths)), on_curve)])
     along = (step[:, None] * np.arange(on_curve)).ravel()
     place = np.concatenate([grid, np.stack([along, np.zeros_like(along)], axis=1)])
-    found = evaluate(curve, place)
+    found = evaluate(curve, place, np.full(len(curve), -1))
     m = len(found.values)
     best = Largest(np.full(m, np.nan), np.full((m, 2), np.nan), np.full(m, -1), np.full((m, 2), np.nan))
     best = _better(best, found, curve, place)
@@ -123,7 +124,7 @@ def largest(evaluate: Evaluate, x: Array, y: Array, lengths: Array, on_curve: in
         if len(search.of) == 0:
             break
         which, curve, place = search.stencil()
-        found = evaluate(curve, place)
+        found = evaluate(curve, place, search.of[which])
         best = _better(best, found, curve, place)
         search = _closer(search, which, found, place, best.value)
     return best
@@ -176,17 +177,8 @@ def _first(these: Index, may_be: Array, best: float) -> Index:
 
 def _closer(search: _Search, which: Index, found: Samples, place: Array, best: Array) -> _Search:
     """What is still to be followed, about the best sample of each candidate, from one neighbouring sample to the other."""
-    keep = np.zeros(len(search.of), dtype=np.bool_)
-    for c in range(len(search.of)):
-        these = np.flatnonzero(which == c)
-        values = found.values[search.of[c], these]
-        counted = np.where(found.inside[these] & np.isfinite(values), values, -np.inf)
-        j = int(np.argmax(counted))
-        if counted[j] == -np.inf:
-            continue
-        known = values[np.isfinite(values)]
-        change = float(known.max() - known.min())
-        search.place[c] = place[these[j]]
-        keep[c] = counted[j] + change >= best[search.of[c]] and change > REFINED * abs(counted[j])
-    search.half = search.half * np.where(search.curve < 0, 2.0 / (SQUARE - 1), 2.0 / (ON_EDGE - 1))[:, None]
-    return search.kept(keep)
+    values = found.values[search.of[which], np.arange(len(which))]
+    top, height, change = kernel.best_samples(which, values, found.inside, len(search.of))
+    kept = np.flatnonzero((height + change >= best[search.of]) & (change > REFINED * np.abs(height)))
+    half = search.half * np.where(search.curve < 0, 2.0 / (SQUARE - 1), 2.0 / (ON_EDGE - 1))[:, None]
+    return _Search(search.of[kept], search.curve[kept], place[top[kept]], half[kept])

@@ -64,9 +64,27 @@ def image_points(view: View, targets: Array, at_infinity: bool = False) -> tuple
     at, leaving, passes = _solve(view.untrimmed, _nearest(view, wanted, at_infinity), wanted, at_infinity, MAX_STEPS)
     index = np.flatnonzero(passes <= PASSES_BY)
     found[index] = at[index]
-    sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
-    shown[index] = view.trace_places(found[index]).seen if sheet is None else eye_rays.inside(sheet, leaving[index])
+    shown[index] = shown_inside(view, leaving[index], found[index])
     return found, shown
+
+
+def shown_inside(view: View, on_mirror: Array, places: Array | None = None) -> Mask:
+    """Whether the mirror itself shows what its sheet does, inside its outline and with nothing before it.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    on_mirror : (n, 3), mm, in mirror coordinates: where the eye's rays leave the sheet.
+    places : (n, 2), mm, of the picture plane, that these rays go through; without them they are worked out.
+
+    Returns
+    -------
+    (n,).
+    """
+    sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
+    if sheet is not None:
+        return eye_rays.inside(sheet, on_mirror)
+    return view.trace_places(view.places_of(on_mirror) if places is None else places).seen
 
 
 def follow_image_points(view: View, starts: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:
