@@ -12,14 +12,14 @@ import sys
 import tempfile
 import zipfile
 from collections import OrderedDict
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 from mirror_cad.errors import WriteError
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.web.protocol import ViewSettings
+from mirror_studio.web.protocol import Inspect, ViewSettings
 from mirror_studio.web.state import as_toml, files_of
 from mirror_studio.web.uploads import Uploads
 
@@ -43,6 +43,9 @@ KINDS = {
     "metrics": ("metrics.json", "application/json"),
     "deviation": ("deviation.json", "application/json"),
     "all": ("{name}.zip", "application/zip"),
+    "measured": ("{name}-measured.step", "model/step"),
+    "inspection": ("inspection.json", "application/json"),
+    "maps": ("{name}-maps.csv", "text/csv"),
 }
 
 
@@ -57,7 +60,10 @@ class NotMadeError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class FileSet:
-    """A built set under a secret token, what the pipeline says was missed, and what the set is not of what the page shows."""
+    """A built set under a secret token, what the pipeline says was missed, and what the set is not of what the page shows.
+
+    Of a measured mirror it is what `mirror-cad inspect` writes.
+    """
 
     token: str
     name: str
@@ -94,17 +100,30 @@ class Downloads:
 
         Raises: NotMadeError with what the pipeline said; WriteError where it took too long.
         """
-        text = as_toml(spec, look)
-        if text in self._sets:
-            self._sets.move_to_end(text)
-            return self._sets[text]
         await report("waiting for another build" if self._one_at_a_time.locked() else "starting")
         async with self._one_at_a_time:
-            made = await self._make(spec, look, uploads, report)
-        self._sets[text] = made
+            return await self._kept(as_toml(spec, look), lambda: self._make(spec, look, uploads, report))
+
+    async def _kept(self, key: str, make: Callable[[], Awaitable[FileSet]]) -> FileSet:
+        """The set of this key, made where there is none."""
+        if key in self._sets:
+            self._sets.move_to_end(key)
+            return self._sets[key]
+        self._sets[key] = made = await make()
         while len(self._sets) > KEPT:
             shutil.rmtree(self._sets.popitem(last=False)[1].folder.parent, ignore_errors=True)
         return made
+
+    async def inspect(self, spec: MirrorSpec, asked: Inspect, uploads: Uploads, report: Report) -> FileSet:
+        """Lay measured data on a specification's design with `mirror-cad inspect`, as a child; cancelling this ends the child.
+
+        Raises: NotMadeError with what the command said; WriteError where it took too long.
+        """
+        options = ["--align", asked.align, *([] if asked.sigma_mm is None else ["--sigma-mm", repr(asked.sigma_mm)])]
+        key = "\n".join([as_toml(spec), *asked.data, *options])
+        await report("waiting for another build" if self._one_at_a_time.locked() else "starting")
+        async with self._one_at_a_time:
+            return await self._kept(key, lambda: self._inspected(spec, asked.data, options, uploads, report))
 
     async def pdf(self, made: FileSet) -> None:
         """Set a built set's report as PDF, once, in a child. Raises: NotMadeError."""
@@ -127,25 +146,43 @@ class Downloads:
                 raise NotMadeError(said.decode("utf-8", "replace").strip() or "no PDF can be made here")
 
     async def _make(self, spec: MirrorSpec, look: ViewSettings, uploads: Uploads, report: Report) -> FileSet:
+        with self._home() as home:
+            source, out = home / f"{spec.name}.toml", home / "files"
+            brought = _written(source, spec, look, uploads)
+            missed = await self._run(["build", str(source)], spec.name, home, report)
+            await asyncio.to_thread(_pack, out, source, brought, spec.name)
+        return FileSet(secrets.token_urlsafe(24), spec.name, out, missed, unlike_the_page(spec, look))
+
+    async def _inspected(self, spec: MirrorSpec, data: list[str], options: list[str], uploads: Uploads,
+                         report: Report) -> FileSet:
+        with self._home() as home:
+            source = home / f"{spec.name}.toml"
+            _written(source, spec, None, uploads)
+            paths = []
+            for number, name in enumerate(dict.fromkeys(data), 1):
+                path = home / uploads.shown(name)
+                # Two files of one name, or one that is called as the specification is.
+                paths.append(path.with_name(f"{number}-{path.name}") if path.exists() else path)
+                await asyncio.to_thread(shutil.copy, uploads.folder / name, paths[-1])
+            missed = await self._run(["inspect", *map(str, paths), "--against", str(source), *options], spec.name, home, report)
+        return FileSet(secrets.token_urlsafe(24), spec.name, home / "files", missed, ())
+
+    @contextlib.contextmanager
+    def _home(self) -> Iterator[Path]:
+        """A folder for a set and what it is made of; gone where that fails."""
         home = Path(tempfile.mkdtemp(dir=self._folder))
         try:
-            source, out = home / f"{spec.name}.toml", home / "files"
-            names = {name: f"{INPUTS}/{uploads.shown(name)}" for name in files_of(spec, uploads)}
-            source.write_text(as_toml(spec, look, names), encoding="utf-8")
-            (home / INPUTS).mkdir()
-            for name, path in names.items():
-                shutil.copy(uploads.folder / name, home / path)
-            missed = await self._run(source, out, report)
-            await asyncio.to_thread(_pack, out, source, [home / path for path in names.values()], spec.name)
+            yield home
         except BaseException:
             shutil.rmtree(home, ignore_errors=True)
             raise
-        return FileSet(secrets.token_urlsafe(24), spec.name, out, missed, unlike_the_page(spec, look))
 
     @staticmethod
-    async def _run(source: Path, out: Path, report: Report) -> tuple[str, ...]:
+    async def _run(arguments: list[str], name: str, home: Path, report: Report) -> tuple[str, ...]:
+        """Run a command that writes `home`/files; returns what it says is missed."""
+        out = home / "files"
         child = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "mirror_studio", "build", str(source), "--out", str(out),
+            sys.executable, "-m", "mirror_studio", *arguments, "--out", str(out),
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE)
         said: list[str] = []
         try:
@@ -157,7 +194,7 @@ class Downloads:
                     if step is None:
                         said.append(text.removeprefix("mirror-cad: "))
                     else:
-                        await report(step[1].removeprefix(f"{source.stem}: ").replace(f", in {out}", ""))
+                        await report(step[1].replace(f", in {out}", "").replace(f"{home}/", "").removeprefix(f"{name}: "))
                 code = await child.wait()
         except TimeoutError:
             raise WriteError(f"the files took more than {LONGEST_SECONDS} s to make") from None
@@ -170,8 +207,18 @@ class Downloads:
                 except TimeoutError:
                     child.kill()
         if code not in (0, 3):
-            raise NotMadeError("\n".join(text.replace(f"{source.parent}/", "") for text in said) or f"ended with {code}")
+            raise NotMadeError("\n".join(text.replace(f"{home}/", "") for text in said) or f"ended with {code}")
         return tuple(text.removeprefix("missed: ") for text in said if text.startswith("missed: "))
+
+
+def _written(source: Path, spec: MirrorSpec, look: ViewSettings | None, uploads: Uploads) -> list[Path]:
+    """Write a specification, and beside it the uploaded files that it names; returns where these are."""
+    names = {name: f"{INPUTS}/{uploads.shown(name)}" for name in files_of(spec, uploads)}
+    source.write_text(as_toml(spec, look, names), encoding="utf-8")
+    (source.parent / INPUTS).mkdir()
+    for name, path in names.items():
+        shutil.copy(uploads.folder / name, source.parent / path)
+    return [source.parent / path for path in names.values()]
 
 
 def unlike_the_page(spec: MirrorSpec, look: ViewSettings) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ MAGIC = b"MCS1"
 LARGEST_MESSAGE = 2_000_000  # bytes: a specification with tables of some 50,000 rows
 DEEPEST = 12  # levels of nesting: a specification has four
 LARGEST_PICTURE = 4096  # pixels a side
+MOST_DATA = 8  # files of one measured mirror
 CHART = 3.0e38  # float32's largest: beyond, an array holds NaN
 
 
@@ -103,22 +104,34 @@ class Rules(_Message):
     fine: bool = False
 
 
+class Inspect(_Message):
+    """Lay measured data on this design.   data : the names of uploaded files; the rest as `mirror-cad inspect` has it."""
+
+    type: Literal["inspect"]
+    spec: dict[str, Any]
+    look: ViewSettings
+    data: Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=MOST_DATA)]
+    align: Literal["none", "321", "best-fit"] = "best-fit"
+    sigma_mm: Annotated[float, Field(gt=0, le=10, allow_inf_nan=False)] | None = None
+
+
 class Cancel(_Message):
-    """Stop making files."""
+    """Stop making files, or laying measured data on a design."""
 
     type: Literal["cancel"]
+    what: Literal["build", "inspect"] = "build"
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
     """A request of the right shape whose look cannot be: which one, and what is wrong, in words."""
 
-    type: Literal["design", "pinned", "build"]
+    type: Literal["design", "pinned", "build", "inspect"]
     id: int
     faults: tuple[str, ...]
 
 
-AnyMessage = Design | Pinned | Probe | Build | Rules | Cancel
+AnyMessage = Design | Pinned | Probe | Build | Inspect | Rules | Cancel
 _adapter: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
 

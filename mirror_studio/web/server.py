@@ -169,6 +169,8 @@ def create_app(port: int) -> ASGIApp:
                 await shared().downloads.pdf(made)
             except NotMadeError as error:
                 return PlainTextResponse(str(error), 404)
+        if not path.is_file():
+            return PlainTextResponse("there is no such file in this set", 404)
         return FileResponse(path, media_type=media, filename=name)
 
     return Guarded(app, port)

@@ -12,16 +12,18 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from mirror_cad.errors import MirrorError
+from mirror_cad.errors import FileError, MirrorError
 from mirror_studio.web.downloads import Downloads, NotMadeError
 from mirror_studio.web.protocol import (
     Build,
     Cancel,
     Design,
+    Inspect,
     Pinned,
     Probe,
     Refused,
@@ -39,6 +41,7 @@ from mirror_studio.web.uploads import Uploads
 if TYPE_CHECKING:
     from mirror_cad.spec import MirrorSpec
     from mirror_studio.json_types import Json
+    from mirror_studio.web import measured
     from mirror_studio.web.engine import Designed, Shown
 
 T = TypeVar("T")
@@ -83,6 +86,7 @@ class Session:
         self._stop_fine = threading.Event()
         self._shown: tuple[Designed, ViewSettings] | None = None
         self._building: asyncio.Task[None] | None = None
+        self._inspecting: asyncio.Task[None] | None = None
         self._pinning: asyncio.Task[None] | None = None
         self._ruling: asyncio.Task[None] | None = None
 
@@ -99,8 +103,8 @@ class Session:
                     self._stop_fine.set()
                     self._something.set()
                 elif isinstance(message, Refused):  # what is being made or pinned goes on
-                    await self._say({"type": {"build": "unbuilt", "pinned": "unpinned"}[message.type], "id": message.id,
-                                     "faults": list(message.faults)})
+                    answer = {"build": "unbuilt", "pinned": "unpinned", "inspect": "uninspected"}[message.type]
+                    await self._say({"type": answer, "id": message.id, "faults": list(message.faults)})
                 elif isinstance(message, Probe):
                     await self._probe(message)
                 elif isinstance(message, Pinned):
@@ -112,8 +116,11 @@ class Session:
                 elif isinstance(message, Build):
                     await self._stop_building()
                     self._building = asyncio.create_task(self._build(message))
+                elif isinstance(message, Inspect):
+                    await self._stop_inspecting()
+                    self._inspecting = asyncio.create_task(self._inspect(message))
                 elif isinstance(message, Cancel):
-                    await self._stop_building()
+                    await (self._stop_building() if message.what == "build" else self._stop_inspecting())
                 if designing.done():
                     break
         except WrongShapeError as error:
@@ -126,6 +133,7 @@ class Session:
         finally:
             self._stop_fine.set()
             await self._stop_building()
+            await self._stop_inspecting()
             await _ended(self._pinning)
             await _ended(self._ruling)
             designing.cancel()
@@ -277,6 +285,45 @@ class Session:
 
     async def _stop_building(self) -> None:
         task, self._building = self._building, None
+        await _ended(task)
+
+    async def _inspect(self, message: Inspect) -> None:
+        common = {"id": message.id}
+        shared = self._shared
+
+        async def report(text: str) -> None:
+            await self._say(common | {"type": "inspecting", "step": text})
+
+        def read(folder: Path) -> tuple[measured.Shown, str | None]:
+            from mirror_studio.web import engine, measured
+
+            found = measured.shown(folder, engine.designed(spec).mirror)
+            if not found.header["measures"]:  # what the driver sees in it is not known
+                return found, None
+            name = f"{spec.name}-measured.step"
+            return found, shared.uploads.add("reflector", ".step", (folder / name).read_bytes(), name)
+
+        try:
+            spec = as_spec(message.spec, shared.uploads)
+            if gone := [name for name in message.data if not shared.uploads.has(name)]:
+                raise FileError(f"{shared.uploads.shown(gone[0])}: the measured data are no longer here: bring them in again")
+            made = await shared.downloads.inspect(spec, message, shared.uploads, report)
+            await report("reading what was found")
+            found, own = await asyncio.to_thread(read, made.folder)
+            await self._send(pack(common | {"type": "inspected", "token": made.token, "missed": list(made.missed), "own": own}
+                                  | found.header, {}, found.arrays))
+        except asyncio.CancelledError:
+            with contextlib.suppress(Exception):
+                await self._say(common | {"type": "uninspected", "faults": []})
+            raise
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return  # the page is gone
+        except Exception as error:
+            with contextlib.suppress(Exception):
+                await self._say(common | {"type": "uninspected", "faults": shared.faults_of(error)})
+
+    async def _stop_inspecting(self) -> None:
+        task, self._inspecting = self._inspecting, None
         await _ended(task)
 
     # --- sending ------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from mirror_cad.guarded import FallenError, GuardedProcess
 if TYPE_CHECKING:
     from raytrace.reflector import Reflector
 
-Kind = Literal["outline", "picture", "reflector", "table", "spec"]
+Kind = Literal["outline", "picture", "reflector", "measured", "table", "spec"]
 
 Read = TypeVar("Read")
 
@@ -37,10 +37,13 @@ LIMITS: dict[Kind, Limit] = {
     "outline": Limit((".dxf", ".svg"), 5_000_000),
     "picture": Limit((".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff"), 40_000_000),
     "reflector": Limit((".step", ".stp", ".iges", ".igs", ".brep", ".brp", ".stl", ".obj", ".ply", ".off"), 60_000_000),
+    # What `mirror-cad inspect` reads; by itself, when the data are laid on a design.
+    "measured": Limit((".csv", ".tsv", ".txt", ".xyz", ".asc", ".pts", ".dat", ".stl", ".ply", ".obj", ".off", ".glb", ".3mf",
+                       ".step", ".stp", ".iges", ".igs", ".brep", ".brp"), 200_000_000),
     "table": Limit((".csv", ".txt"), 4_000_000),
     "spec": Limit((".toml",), 1_000_000),
 }
-NAME = re.compile(r"[0-9a-f]{24}\.[a-z]{3,4}")
+NAME = re.compile(r"[0-9a-f]{24}\.[a-z0-9]{3,4}")
 LONGEST_NAME = 64  # characters of a file's name, without its ending
 MAX_FILES = 40  # kept; the oldest go
 READING_SECONDS = 60.0  # of the clock
@@ -89,7 +92,8 @@ class Uploads:
                 return name
             path.write_bytes(data)
         try:
-            self._look_at(kind, path, self.shown(name) if shown else "the file")
+            if kind != "measured":
+                self._look_at(kind, path, self.shown(name) if shown else "the file")
         except BaseException:
             path.unlink(missing_ok=True)
             self._shown.pop(name, None)

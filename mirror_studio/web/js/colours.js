@@ -37,19 +37,29 @@ export const QUANTITIES = {
   k2: { label: "Deviation of k₂", unit: "%", scale: "diverging", of: (a) => a.k2_percent.data, tick: percent },
 };
 
+const UNKNOWN = [212, 212, 208]; // grey: not known, which no colour of a scale says
+
+// A quantity's field as colours.   cells: whether its values are those of cells, and not of places on the box's edges and between.
+// shares: 0 to 255 along the scale, −1 where the value is not known.
 export function coloured(quantity, arrays) {
-  const { of, scale } = QUANTITIES[quantity];
-  const values = of(arrays);
+  const { of, scale, cells } = QUANTITIES[quantity];
+  const values = of(arrays), stands = cells && arrays.measured_stands.data;
   let low = Infinity, high = -Infinity;
-  for (const v of values) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
+  // What stands at the rim, where the gauge does not, is less sure and sets no scale.
+  const sets = stands?.includes(1) ? (i) => stands[i] === 1 : () => true;
+  for (let i = 0; i < values.length; i++) if (Number.isFinite(values[i]) && sets(i)) { low = Math.min(low, values[i]); high = Math.max(high, values[i]); }
+  if (cells && scale === "sequential") low = 0;
   if (!(low <= high)) [low, high] = [0, 0];
   if (scale === "diverging") { high = Math.max(Math.abs(low), Math.abs(high)); low = -high; }
   // What differs by rounding alone is one colour.
   const size = Math.max(Math.abs(low), Math.abs(high));
   const flat = high - low < 1e-4 * size || size < 1e-6;
-  const shares = new Uint8Array(values.length);
+  const shares = new Int16Array(values.length), table = TABLES[scale];
   for (let i = 0; i < values.length; i++) {
-    shares[i] = flat || !Number.isFinite(values[i]) ? 128 : Math.round((255 * (values[i] - low)) / (high - low));
+    if (cells && !Number.isFinite(values[i])) shares[i] = -1;
+    else if (flat || !Number.isFinite(values[i])) shares[i] = 128;
+    else shares[i] = Math.max(0, Math.min(255, Math.round((255 * (values[i] - low)) / (high - low))));
   }
-  return { shares, low, high, flat, table: TABLES[scale] };
+  const rgb = (share) => (share < 0 ? UNKNOWN : table.subarray(3 * share, 3 * share + 3));
+  return { shares, low, high, flat, rgb, cells };
 }

@@ -43,13 +43,33 @@ export async function bringAgain(names) {
   }
 }
 
-export function choose(endings) {
+export const choose = async (endings) => (await chooseSome(endings, false))[0];
+
+export function chooseSome(endings, multiple = true) {
   return new Promise((done) => {
     const input = document.createElement("input");
     input.type = "file";
+    input.multiple = multiple;
     input.accept = endings.join(",");
-    input.onchange = () => done(input.files[0]);
+    input.onchange = () => done([...input.files]);
     input.click();
+  });
+}
+
+// Files dropped on the page.   dropped(zone, files): on which of the zones that are shown meanwhile.
+export function dropZones(zones, dropped) {
+  const ofFiles = (event) => event.dataTransfer?.types.includes("Files");
+  let inside = 0; // an element is entered before another is left
+  const end = () => { inside = 0; zones.hidden = true; };
+  addEventListener("dragenter", (event) => { if (ofFiles(event)) { event.preventDefault(); inside += 1; zones.hidden = false; } });
+  addEventListener("dragleave", (event) => { if (ofFiles(event) && --inside <= 0) end(); });
+  addEventListener("dragover", (event) => { if (ofFiles(event)) event.preventDefault(); });
+  addEventListener("drop", (event) => {
+    if (!ofFiles(event)) return;
+    event.preventDefault();
+    end();
+    const files = [...event.dataTransfer.files];
+    if (files.length) dropped(event.target.closest?.("[data-zone]")?.dataset.zone ?? "measured", files);
   });
 }
 

@@ -3,10 +3,11 @@
 import { Controls } from "./controls.js";
 import { css, QUANTITIES, coloured } from "./colours.js";
 import { el, find } from "./dom.js";
-import { bringAgain, bringIn, choose, save } from "./files.js";
+import { bringAgain, bringIn, choose, chooseSome, dropZones, save } from "./files.js";
 import { Figures } from "./figures.js";
 import { LawPlot } from "./laws.js";
 import { FlatMap, Plan } from "./maps.js";
+import { Measured } from "./measured.js";
 import { Mirror3D } from "./mirror3d.js";
 import { pictureOf, Road } from "./road.js";
 import { Rules } from "./rules.js";
@@ -60,9 +61,34 @@ const figures = new Figures(find("#figures"), store);
 const road = new Road(store, () => repin());
 const rules = new Rules(find("#rule-panel"), start.rules, store, (message) => wire.ask(message));
 
+const measured = new Measured(find("#measured-panel"), store, start.uploads.measured.endings, { fail, well, ask: (message) => wire.ask(message), shown: measuredShown, choose: colourBy });
+
+stage.ownWords = () => (measured.found?.own && measured.found.own === store.now.look.own ? "as measured" : "your mirror");
+
 const select = find("#quantity");
-select.append(...Object.entries(QUANTITIES).map(([key, { label, unit }]) => el("option", { value: key }, `${label}, ${unit}`)));
-select.addEventListener("change", () => { quantity = select.value; colour(); });
+select.addEventListener("change", () => colourBy(select.value));
+function colourBy(one) {
+  quantity = one;
+  if (select.value !== one) select.value = one;
+  colour();
+}
+function offered() {
+  select.replaceChildren(...Object.entries(QUANTITIES).map(([key, { label, unit }]) => el("option", { value: key }, `${label}, ${unit}`)));
+  if (!(quantity in QUANTITIES)) quantity = "rx";
+  select.value = quantity;
+}
+offered();
+// Another measured mirror, or none any more.
+function measuredShown() {
+  find("#side").classList.toggle("measured", measured.open);
+  if (answer) measured.onto(answer);
+  offered();
+  colour();
+  measured.refresh();
+}
+find("#flat-map").addEventListener("pointermove", ({ offsetX, offsetY }) => { if (flat.toMirror) mapCaption(measured.at(quantity, flat.toMirror(offsetX, offsetY))); });
+find("#flat-map").addEventListener("pointerleave", () => mapCaption(""));
+const mapCaption = (words) => { find("#map-caption").textContent = words || "Map"; };
 function colour() {
   if (!answer) return;
   flat.show(answer, quantity);
@@ -141,6 +167,7 @@ function paint(soon) {
     }
     controls.refresh();
     rules.refresh();
+    measured.refresh();
     laws.forEach((law) => law.draw());
     figures.shown(null, pinned?.answer);
     road.refresh(now, pinned);
@@ -167,7 +194,7 @@ wire = new Wire({
     find("#lost").hidden = true;
     for (const [kind, text] of wrong) if (text.startsWith(SILENT)) well(kind);
     const { spec, look } = store.now;
-    await bringAgain([spec.outline.file, spec.scene.image, look.own].filter((name) => name && name !== "road"));
+    await bringAgain([spec.outline.file, spec.scene.image, look.own, ...measured.files.map(({ name }) => name)].filter((name) => name && name !== "road"));
     request(false);
     rest();
   },
@@ -175,6 +202,7 @@ wire = new Wire({
     find("#lost").textContent = reason ? `Connection closed: ${reason}. Connecting again …` : "The studio's server does not answer. Your work is kept here; connecting again …";
     find("#lost").hidden = false;
     rules.lost();
+    measured.lost();
     if (building) {
       endBuild();
       fail(new Error("the connection ended while files were being made: ask for them again"), "files");
@@ -182,6 +210,7 @@ wire = new Wire({
   },
   shown(message, flight) {
     if (answer && message.id < answer.id) return;
+    measured.onto(message);
     answer = controls.answer = message;
     for (const law of laws) law.answer = message;
     well("design");
@@ -209,6 +238,9 @@ wire = new Wire({
     road.failed();
     if (flight?.fine) done();
   },
+  inspecting(message) { measured.inspecting(message); },
+  inspected(message) { measured.inspected(message); },
+  uninspected(message) { measured.uninspected(message); },
   ruled(message) { rules.answered(message); },
   unruled(message) { rules.answered(message); },
   probed({ found }) { stage.probed(found); },
@@ -308,28 +340,40 @@ hold.addEventListener("click", () => flip(hold.getAttribute("aria-pressed") !== 
 
 // --- the designer's own mirror ---
 
-find("#own").addEventListener("click", async () => {
-  const file = await choose(start.uploads.reflector.endings);
+find("#own").addEventListener("click", async () => ownMirror(await choose(start.uploads.reflector.endings)));
+async function ownMirror(file) {
   if (!file) return;
   well("upload");
   try {
     const name = await bringIn("reflector", file);
     store.edit(({ look }) => { look.own = name; });
   } catch (problem) { fail(problem, "upload"); }
-});
+}
 find("#own-away").addEventListener("click", () => store.edit(({ look }) => { delete look.own; }));
+
+// --- a made mirror's measured points, and whatever else is dropped on the page ---
+
+find("#measure").addEventListener("click", async () => {
+  const files = await chooseSome(start.uploads.measured.endings);
+  if (files.length) measured.bring(files);
+});
+dropZones(find("#drop"), (zone, files) => {
+  if (zone === "open" || files[0].name.toLowerCase().endsWith(".toml")) openSpec(files[0]);
+  else if (zone === "own") ownMirror(files[0]);
+  else measured.bring(files);
+});
 
 // --- specification in and out, and the address ---
 
-find("#open").addEventListener("click", async () => {
-  const file = await choose(start.uploads.spec.endings);
+find("#open").addEventListener("click", async () => openSpec(await choose(start.uploads.spec.endings)));
+async function openSpec(file) {
   if (!file) return;
   well("upload");
   try {
     const { spec, look } = await post("/upload/spec?ending=.toml", file);
     store.replace({ ...store.now, spec, limits: {}, look: { ...store.now.look, ...(look ?? { yaw_deg: 0, pitch_deg: 0 }) } });
   } catch (problem) { fail(problem, "upload"); }
-});
+}
 async function saveSpec() {
   try {
     const { spec, look } = store.now;

@@ -20,15 +20,16 @@ export class FlatMap {
   draw() {
     if (!this.answer) return;
     const { arrays, box_mm: [x0, x1, y0, y1] } = this.answer;
-    const [nx, ny] = arrays.z.shape;
-    const { shares, table } = coloured(this.quantity, arrays);
+    const { shares, rgb, cells } = coloured(this.quantity, arrays);
+    const [nx, ny] = (cells ? arrays.measured_stands : arrays.z).shape;
     this.small.width = nx;
     this.small.height = ny;
     const image = new ImageData(nx, ny);
     for (let i = 0; i < nx; i++) {
       for (let j = 0; j < ny; j++) {
-        const to = 4 * ((ny - 1 - j) * nx + i), from = 3 * shares[i * ny + j];
-        image.data[to] = table[from]; image.data[to + 1] = table[from + 1]; image.data[to + 2] = table[from + 2]; image.data[to + 3] = 255;
+        const to = 4 * ((ny - 1 - j) * nx + i);
+        image.data.set(rgb(shares[i * ny + j]), to);
+        image.data[to + 3] = 255;
       }
     }
     this.small.getContext("2d").putImageData(image, 0, 0);
@@ -45,9 +46,13 @@ export class FlatMap {
     context.clip();
     context.imageSmoothingQuality = "high";
     // The samples stand on the box's edges: the middles of the picture's outermost elements.
-    const dx = (x1 - x0) / (nx - 1), dy = (y1 - y0) / (ny - 1);
-    context.drawImage(this.small, px(x0 - dx / 2), py(y1 + dy / 2), (x1 - x0 + dx) * scale, (y1 - y0 + dy) * scale);
+    const dx = cells ? 0 : (x1 - x0) / (nx - 1), dy = cells ? 0 : (y1 - y0) / (ny - 1), [a0, a1, b0, b1] = cells ? this.answer.cells_mm : [x0, x1, y0, y1];
+    context.imageSmoothingEnabled = !cells;
+    context.drawImage(this.small, px(a0 - dx / 2), py(b1 + dy / 2), (a1 - a0 + dx) * scale, (b1 - b0 + dy) * scale);
+    context.imageSmoothingEnabled = true;
     context.restore();
+    // Where a place of the canvas lies on the mirror, mm.
+    this.toMirror = (x, y) => [(x - width / 2) / scale + 0.5 * (x0 + x1), (height / 2 - y) / scale + 0.5 * (y0 + y1)];
     context.strokeStyle = "#555";
     context.stroke();
   }

@@ -3,6 +3,7 @@
 import { BufferAttribute, BufferGeometry, Color, DoubleSide, LineBasicMaterial, LineLoop, LineSegments, Mesh, PerspectiveCamera, Scene,
   ShaderMaterial, WebGLRenderer } from "three";
 import { coloured } from "./colours.js";
+import { cellAt } from "./measured.js";
 import { sizeOf, watch } from "./dom.js";
 
 const AROUND = 144, RINGS = 22; // corners of the mesh along the outline, and rings between it and the middle
@@ -129,7 +130,7 @@ export class Mirror3D {
     this.stale = false;
     const { arrays, box_mm: [x0, x1, y0, y1] } = this.answer;
     const [nx, ny] = arrays.z.shape, z = arrays.z.data;
-    const { shares, table } = coloured(this.quantity, arrays);
+    const { shares, rgb, cells } = coloured(this.quantity, arrays);
     const at = (values, x, y) => {
       const u = Math.min(nx - 1.0001, Math.max(0, ((x - x0) / (x1 - x0)) * (nx - 1))), v = Math.min(ny - 1.0001, Math.max(0, ((y - y0) / (y1 - y0)) * (ny - 1)));
       const i = Math.floor(u), j = Math.floor(v), a = u - i, b = v - j, k = i * ny + j;
@@ -145,6 +146,8 @@ export class Mirror3D {
         zy[k] = (z[i * ny + j1] - z[i * ny + j0]) / ((j1 - j0) * dy);
       }
     }
+    // Of cells, those that a place lies in; else between the places of the grid.
+    const share = cells ? (x, y) => shares[cellAt(this.answer, x, y)] : (x, y) => Math.round(at(shares, x, y));
     const ring = resampled(arrays.outline.data, AROUND), cx = 0.5 * (x0 + x1), cy = 0.5 * (y0 + y1);
     const count = AROUND * RINGS + 1;
     const place = new Float32Array(3 * count), normal = new Float32Array(3 * count), tint = new Float32Array(3 * count);
@@ -152,8 +155,8 @@ export class Mirror3D {
       place.set([x, y, at(z, x, y)], 3 * n);
       const p = at(zx, x, y), q = at(zy, x, y), size = Math.hypot(p, q, 1);
       normal.set([-p / size, -q / size, 1 / size], 3 * n);
-      const share = 3 * Math.round(at(shares, x, y));
-      for (let c = 0; c < 3; c++) tint[3 * n + c] = linear(table[share + c]);
+      const colour = rgb(share(x, y));
+      for (let c = 0; c < 3; c++) tint[3 * n + c] = linear(colour[c]);
     };
     set(count - 1, cx, cy);
     const index = [];

@@ -91,7 +91,7 @@ export class Stage {
       const place = { x, y, w, h, kind, eye: Number(eye), camera, size: w / camera.columns };
       this.places.push(place);
       if (this.grid && kind === "picture") this.drawGrid(context, place, answer);
-      if (names.length > 1) label(context, place, names, answer);
+      if (names.length > 1) label(context, place, names, answer, this.ownWords?.() ?? "your mirror");
     });
     if (this.cross) {
       const { x, y } = this.cross;
@@ -189,9 +189,9 @@ export class Stage {
 }
 
 // Whose picture it is, above it.
-function label(context, { kind, eye, x, y, w }, names, { sizes_mm: sizes }) {
+function label(context, { kind, eye, x, y, w }, names, { sizes_mm: sizes }, own) {
   const size = () => `, ${sizes[kind].map((mm) => fixed(mm, 0)).join(" × ")} mm`;
-  const whose = names.includes("own0") ? `${kind === "own" ? "your mirror" : "the design"}${size()}` : "";
+  const whose = names.includes("own0") ? `${kind === "own" ? own : "the design"}${size()}` : "";
   const words = [whose, names.some((name) => name.endsWith("1")) ? ["left eye", "right eye"][eye] : ""].filter(Boolean).join(", ");
   context.font = "600 12px system-ui, sans-serif";
   context.textAlign = "center";
