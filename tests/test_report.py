@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import io
 import math
@@ -38,7 +39,8 @@ from mirror_studio.build.results import (
     StepCheck,
 )
 from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
-from mirror_studio.report.maps import BLUE_ORANGE, pair_maps, radius_ticks
+from mirror_studio.report.colours import BLUE_ORANGE, VIRIDIS
+from mirror_studio.report.maps import pair_maps, radius_ticks
 from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side
@@ -198,8 +200,10 @@ def test_deviation_at_a_printed_place_is_the_printed_one(limited: Designed, fait
 def test_radii_are_coloured_by_curvature_and_the_scale_tells_them_in_mm(limited: Designed) -> None:
     mirror, deviation = limited
     rx = fields.pairs_of(deviation)[0]
-    picture = np.asarray(Image.open(io.BytesIO(pair_maps(deviation, mirror.outline, [rx])))).astype(int)
-    yellow, purple = (np.nonzero((np.abs(picture[..., :3] - colour).max(axis=2) < 12).any(axis=0))[0]
+    maps = re.findall("base64,([^\"]*)", pair_maps(deviation, mirror.outline, [rx]).decode())
+    assert len(maps) == 2  # designed and realised
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(maps[1]))).convert("RGB")).astype(int)
+    yellow, purple = (np.nonzero(np.abs(picture[len(picture) // 2] - colour).max(axis=1) < 12)[0]  # along the middle row
                       for colour in ([253, 231, 37], [68, 1, 84]))
     assert yellow.min() < purple.min()  # 400 mm at the left edge, 1250 mm at the right
     ticks = radius_ticks(*rx.scale())
@@ -209,8 +213,9 @@ def test_radii_are_coloured_by_curvature_and_the_scale_tells_them_in_mm(limited:
     assert radius_ticks(-900.0, -300.0) == [-tick for tick in reversed(radius_ticks(300.0, 900.0))]
     assert radius_ticks(949.9995, 950.0005)
     js = (Path(pair_maps.__code__.co_filename).parents[1] / "web" / "js" / "colours.js").read_text("utf-8")
-    (stops,) = re.findall(r"diverging: \[(.*?)\]", js)
-    assert re.findall(r"#[0-9a-f]{6}", stops) == BLUE_ORANGE  # the page's
+    for name, ours in (("sequential", VIRIDIS), ("diverging", BLUE_ORANGE)):  # the page's
+        (stops,) = re.findall(rf"{name}: \[(.*?)\]", js)
+        assert tuple(re.findall(r"#[0-9a-f]{6}", stops)) == ours
 
 
 def test_limits_of_the_view_are_rows_with_margins_and_a_verdict(tmp_path: Path) -> None:

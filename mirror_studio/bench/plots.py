@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mirror_studio.bench.table import Plot, Table
-from mirror_studio.report.maps import DPI, STYLE, WIDTH_IN
+from mirror_studio.report.figure_style import DPI, STYLE, WIDTH_IN
 
 PANELS_A_ROW = 3
 PANEL_HEIGHT_IN, LEGEND_LINE_IN, LEGEND_COLUMNS = 2.75, 0.22, 4

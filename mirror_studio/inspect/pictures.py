@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mirror_cad.deviation import QUANTITIES
 from mirror_cad.made.figures import ARCMIN, slope_angles
 from mirror_cad.made.inspection import Inspection
-from mirror_studio.report.maps import DIVERGING, DPI, STYLE, WIDTH_IN
+from mirror_studio.report.figure_style import DIVERGING, DPI, STYLE, WIDTH_IN
 
 Array = NDArray[np.float64]
 

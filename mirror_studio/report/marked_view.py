@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 from scipy.interpolate import CubicSpline
 
 from mirror_studio.report.tables import Table
+from mirror_studio.report.typeface import typeface
 from raytrace.measures.lane import lane_height
 from raytrace.measures.straight_lane import StraightLane
 from raytrace.surfaces.base import OpticalSurface
@@ -104,9 +103,7 @@ def _pixels(frame: Frame, surface: OpticalSurface, eye: Array, x: Array, y: Arra
 
 def _letters(pen: ImageDraw.ImageDraw, ends: Array, width: int, names: tuple[str, str]) -> None:
     """The lines' names beside their left ends, the upper one above, the lower one below."""
-    # Matplotlib brings this face along, so the picture looks the same wherever it is made.
-    face = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
-    font = ImageFont.truetype(str(face), max(10, round(0.024 * width)))
+    font = typeface("DejaVuSans-Bold.ttf", max(10, round(0.024 * width)))
     for k, (name, colour) in enumerate(zip(names, (CURVE, TANGENT), strict=True)):
         column, row = ends[k]
         if not np.isfinite(ends[k]).all():

@@ -90,9 +90,9 @@ def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metr
     frame, eye = Frame.around(mirror.box, mirror.spec.view.width_px), ViewingSetup.of(mirror.spec, mirror.box).eye
     across, upright = ([cut for cut in findings.cuts if cut.along == along] for along in ("x", "y"))
     figures = {
-        "radii": _uri("image/png", pair_maps(deviation, mirror.outline, pairs[:2])),
-        "powers": _uri("image/png", pair_maps(deviation, mirror.outline, pairs[2:])),
-        "deviation": _uri("image/png", deviation_maps(deviation, mirror.outline, fields)),
+        "radii": _uri("image/svg+xml", pair_maps(deviation, mirror.outline, pairs[:2])),
+        "powers": _uri("image/svg+xml", pair_maps(deviation, mirror.outline, pairs[2:])),
+        "deviation": _uri("image/svg+xml", deviation_maps(deviation, mirror.outline, fields)),
         "histogram": _uri("image/svg+xml", histogram_figure(findings.shares, fields)),
         "across": _uri("image/svg+xml", radius_figure(across, limit)),
         "upright": _uri("image/svg+xml", radius_figure(upright, limit)),

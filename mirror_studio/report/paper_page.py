@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from mirror_studio.build.results import Built, FieldOfView, PaperRow
 from mirror_studio.report.text import MISSING, fixed, fixed_with_unit, lane_in_words, templates, with_unit
+from mirror_studio.report.typeface import typeface
 
 FIGURES = {
     "fig5": "As figure 5 of the paper: the driver's view in spheres. The smaller the radius, the more is seen, and the "
@@ -144,9 +144,7 @@ def _scaled(picture: Path | Image.Image, width: int) -> Image.Image:
 
 
 def _font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    # Matplotlib brings this face along, so the sheet looks the same wherever it is made.
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
+    return typeface("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf", size)
 
 
 def _wrapped(text: str, font: ImageFont.FreeTypeFont, width: int) -> list[str]:
