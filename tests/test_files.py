@@ -279,7 +279,7 @@ def test_a_kill_at_any_stage_is_healed(tmp_path: Path, stage: str) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["set"]
 
 
-@pytest.mark.parametrize("tries", [5, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("tries", [3, pytest.param(20, marks=pytest.mark.long)])
 def test_killing_the_command_at_random_moments_leaves_a_whole_set(tmp_path: Path, tries: int) -> None:
     (tmp_path / "small.toml").write_text(SMALL)
     out = tmp_path / "exports" / "small"

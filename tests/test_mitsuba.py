@@ -22,9 +22,9 @@ SAMPLES = 64  # a pixel; Mitsuba's are random within the cells of a grid, ours i
 
 @pytest.fixture(scope="module")
 def both() -> tuple[np.ndarray, np.ndarray]:
-    """The reference plane in progressive-c, ours and Mitsuba's, (360, 480, 3)."""
+    """The reference plane in progressive-c, ours and Mitsuba's, (240, 320, 3)."""
     case = Case(designed("progressive-c"))
-    frame, scene = pictures.frame_of(480, 360), pictures.reference_plane(case)
+    frame, scene = pictures.frame_of(320, 240), pictures.reference_plane(case)
     return by_us(case, scene, frame), by_mitsuba(case, scene, frame)
 
 

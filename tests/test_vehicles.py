@@ -208,6 +208,7 @@ def test_a_scene_places_and_paints_them(vehicle: str) -> None:
     assert {material.name for material in body.materials} >= {"paint", "glass", "tyre", "rim", "trim", "tail-lamp", "plate"}
 
 
+@pytest.mark.long
 def test_the_script_makes_the_same_files_again(tmp_path: Path) -> None:
     """Bytes between runs on one machine; figures against what is shipped, which another processor may have rounded."""
     names = ("column", "guard-rail", "tree-1")
