@@ -425,7 +425,7 @@ def bench(*, part: Parts = None, out: Out = None, json: Json = False) -> int:
 
 
 @app.command
-def studio(*, port: int = 8642, browser: bool = True) -> int:
+def studio(*, port: int = 8642, browser: bool = True, study: Path | None = None) -> int:
     """Design by hand: a page on this machine on which a radius is dragged and the road bends.
 
     Parameters
@@ -434,6 +434,8 @@ def studio(*, port: int = 8642, browser: bool = True) -> int:
         Where it listens on 127.0.0.1; 0 takes any free one.
     browser
         Whether to open the page, where there is a screen.
+    study
+        The directory of an optimisation: its front is on the page, and dragging along it shows its designs.
     """
     try:
         from mirror_studio.web.server import BadPortError, serve
@@ -443,7 +445,7 @@ def studio(*, port: int = 8642, browser: bool = True) -> int:
         print(f"mirror-cad: the studio needs {error.name}: install the project with its extra \"studio\"", file=sys.stderr)
         return BAD_INPUT
     try:
-        serve(port, browser)
+        serve(port, browser, study)
     except BadPortError as error:
         print(f"mirror-cad: {error}", file=sys.stderr)
         return BAD_INPUT

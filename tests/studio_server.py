@@ -38,9 +38,9 @@ class Studio:
         return self.process.wait(20)
 
 
-def start(port: int = 0) -> Studio:
+def start(port: int = 0, *options: str) -> Studio:
     """Start a studio and wait until it says where it is."""
-    process = subprocess.Popen([sys.executable, "-m", "mirror_studio", "studio", "--port", str(port), "--no-browser"],
+    process = subprocess.Popen([sys.executable, "-m", "mirror_studio", "studio", "--port", str(port), "--no-browser", *options],
                                stderr=subprocess.PIPE, text=True)
     assert process.stderr
     line = process.stderr.readline()
@@ -53,9 +53,9 @@ def start(port: int = 0) -> Studio:
 
 
 @contextlib.contextmanager
-def running(port: int = 0) -> Iterator[Studio]:
+def running(port: int = 0, *options: str) -> Iterator[Studio]:
     """A studio that is stopped in the end, whatever happens."""
-    studio = start(port)
+    studio = start(port, *options)
     try:
         yield studio
     finally:

@@ -1,8 +1,10 @@
-"""Data of others on the studio's page: measured points laid on its design."""
+"""What was worked out elsewhere, on the studio's page: measured points laid on its design, and the front of a study."""
 
 from __future__ import annotations
 
+import csv
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,8 +12,24 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from mirror_cad.errors import FileError
+from mirror_cad.spec.file import load_spec, spec_as_json
+from mirror_studio import cli
+from mirror_studio.explore.evaluate import evaluate
+from mirror_studio.explore.front import front_of
 from tests.conftest import designed
-from tests.studio_page import CHROMIUM, SOON, chromium, opened, revision, revision_after, settled
+from tests.studio_page import (
+    CHROMIUM,
+    SOON,
+    becomes,
+    chromium,
+    figure,
+    key,
+    opened,
+    revision,
+    revision_after,
+    settled,
+)
 from tests.studio_server import Studio, running
 
 STEP_MM, SIGMA_MM, DENT_MM = 10.0, 0.002, 0.1
@@ -19,9 +37,30 @@ STEP_MM, SIGMA_MM, DENT_MM = 10.0, 0.002, 0.1
 pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason=f"no Chromium at {CHROMIUM}: the page cannot be opened")
 
 
+MEASURES = ("lane_straightness_percent", "v_fov_left_traced_deg", "h_fov_traced_deg")
+VARIED = {"vary": {"vertical.right_mm": [1250.0, 1000.0, 900.0, 760.0], "vertical.left_mm": [1350.0, 1010.5, 871.25, 722.125]}}
+
+
 @pytest.fixture(scope="module")
-def studio() -> Iterator[Studio]:
-    with running() as one:
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The directory of an optimisation, with figures that its designs really have."""
+    folder = tmp_path_factory.mktemp("studies") / "taller"
+    folder.mkdir()
+    raw = spec_as_json(load_spec("progressive-c"))
+    keys, rows = list(VARIED["vary"]), []
+    for values in zip(*VARIED["vary"].values(), strict=True):
+        changed = {"vertical": {"law": "linear", "right_mm": values[0], "left_mm": values[1]}}
+        figures = evaluate(len(rows), values, raw | changed, ".", None, MEASURES).figures
+        rows.append(",".join(map(repr, [*values, *figures])) + ",ok,,1e-9")
+    (folder / "front.csv").write_text("\n".join([",".join([*keys, *MEASURES, "status,cause,step_apart"]), *rows]) + "\n")
+    (folder / "optimise.json").write_text(json.dumps({"minimise": [MEASURES[0]], "maximise": [MEASURES[1]], "scene": None,
+                                                      "spec": raw}))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def studio(study: Path) -> Iterator[Studio]:
+    with running(0, "--study", str(study)) as one:
         yield one
 
 
@@ -58,6 +97,66 @@ def drop(page: Page, name: str, text: str, zone: str) -> None:
     expect(page.locator("#drop")).to_be_visible()
     page.dispatch_event(f'[data-zone="{zone}"]', "drop", {"dataTransfer": data})
     expect(page.locator("#drop")).to_be_hidden()
+
+
+def test_dragging_along_the_front_of_a_study_shows_its_designs(page: Page, study: Path, tmp_path: Path) -> None:
+    """Pictures come while the hand drags; the design that it stops at is the page's, with the figures of the study's row."""
+    settled(page)
+    plot = page.get_by_test_id("front-plot")
+    expect(plot).to_be_visible()
+    box = plot.bounding_box()
+    assert box
+    rows = list(csv.DictReader((study / "front.csv").open()))
+    before, seen, moves = revision(page), 0, 0
+    page.mouse.move(box["x"] + 60, box["y"] + box["height"] - 40)
+    page.mouse.down()
+    while moves < 12 or seen < 2:
+        moves += 1
+        assert moves < 500
+        share = min(moves, 12) / 12
+        across = 0.5 if moves % 2 else 0.9
+        page.mouse.move(box["x"] + across * box["width"], box["y"] + (1.0 - share) * box["height"] + 10)
+        page.wait_for_timeout(60)
+        if revision(page) > before:
+            seen, before = seen + 1, revision(page)
+    page.mouse.up()
+    settled(page)
+    last = next(row for row in rows if float(row["vertical.left_mm"]) == key(page, "vertical.left_mm"))
+    for name, of in (("straightness", MEASURES[0]), ("v-fov-traced", MEASURES[1]), ("h-fov-traced", MEASURES[2])):
+        assert figure(page, name) == pytest.approx(float(last[of]), rel=1e-9)
+    plot.press("ArrowLeft")
+    plot.press("ArrowLeft")
+    plot.press("ArrowLeft")
+    becomes(page, "vertical.left_mm", float(sorted(rows, key=lambda row: float(row[MEASURES[0]]))[0]["vertical.left_mm"]))
+    with page.expect_download(timeout=SOON) as download:
+        page.click('[data-take="spec"]')
+    download.value.save_as(tmp_path / "chosen.toml")
+    assert load_spec(tmp_path / "chosen.toml").vertical == load_spec("progressive-c").vertical.model_copy(
+        update={"right_mm": key(page, "vertical.right_mm"), "left_mm": key(page, "vertical.left_mm")})
+    drop(page, "front.csv", "vertical.left_mm,status,cause\n", "measured")
+    expect(page.get_by_test_id("error")).to_have_text("front.csv: no front of a study: it has no column of a measure")
+    drop(page, "front.csv", "vertical.left_mm,radius_mm,status,cause\n1200,3,ok,\n1300,2,ok,\n", "open")
+    expect(page.get_by_test_id("front")).to_contain_text("2 designs, varied from the design that was on the page")
+
+
+@pytest.mark.parametrize(("table", "summary", "words"), [
+    ("x_mm,y_mm\n1,2\n", None, "no front of a study"),
+    ("vertical.left_mm,status,cause\n", None, "no column of a measure"),
+    ("h_fov_traced_deg,status,cause\n", None, "no column of a key"),
+    ("vertical.left_mm,h_fov_traced_deg,status,cause\n1200,,failed,steep\n", None, "the front is empty"),
+    ("vertical.left_mm,h_fov_traced_deg,status,cause\n1200,44,ok\n", None, "line 2 has 3 fields, and the first one 4"),
+    ("vertical.left_mm,h_fov_traced_deg,status,cause\n1200,wide,ok,\n", None, "h_fov_traced_deg = 'wide' is no number"),
+    ("vertical.left_mm,h_fov_traced_deg,status,cause\n1200,44,ok,\n", "[1]", "is none that `mirror-cad optimise` wrote"),
+    ("vertical.left_mm,h_fov_traced_deg,status,cause\n1200,44,ok,\n", '{"minimise": ["length"]}', "is of another study"),
+])
+def test_a_table_that_is_no_front_says_why(table: str, summary: str | None, words: str) -> None:
+    with pytest.raises(FileError, match=re.escape(words)):
+        front_of("front.csv", table, summary)
+
+
+def test_a_studio_of_a_study_without_a_front_does_not_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["studio", "--no-browser", "--port", "0", "--study", str(tmp_path)]) == cli.BAD_INPUT
+    assert f"{tmp_path}: holds no front.csv" in capsys.readouterr().err
 
 
 def test_measured_points_dropped_on_the_page_are_laid_on_its_design(page: Page, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_studio.explore.evaluate import Row
+from mirror_studio.explore.front import SUMMARY
 from mirror_studio.explore.page import PAGE, write_page
 from mirror_studio.explore.store import Store, write_rows
 from mirror_studio.explore.study import OptimiseSection, Study, Value
@@ -167,7 +168,7 @@ def optimise(study: Study, out: Path, progress: Progress, scheduler: str | None 
     found = Optimum(tuple(front), nearest, tuple(settled), active, len(rows), sum(row.status != "ok" for row in rows),
                     multipliers, unsettled)
     write_rows(out, "front", study, front, more={"step_apart": apart})
-    _write_summary(out / "optimise.json", study, found)
+    _write_summary(out / SUMMARY, study, found)
     write_page(out / PAGE, study, rows, front, settled, "best figure" if len(judge.objectives) == 1 else "hypervolume",
                _settled_in_words(judge, found))
     progress.step(f"{found.evaluations} designs, {found.failed} failed; {len(front)} on the front, in {out}")
@@ -333,7 +334,7 @@ def _settled_in_words(judge: _Judge, found: Optimum) -> str:
 
 
 def _write_summary(path: Path, study: Study, found: Optimum) -> None:
-    """How far from settled it ended, and what held it."""
+    """How far from settled it ended, what held it, and what its designs are of."""
     asked = study.file.optimise
     assert asked is not None
     several = len(asked.minimise) + len(asked.maximise) > 1
@@ -343,4 +344,5 @@ def _write_summary(path: Path, study: Study, found: Optimum) -> None:
         content |= {"multipliers": found.multipliers, "slope_unsettled_share": found.unsettled}
     if found.nearest is not None:
         content["nearest"] = {"values": list(found.nearest[0].values), "missed_by_share_of_limit": found.nearest[1]}
+    content |= {"minimise": list(asked.minimise), "maximise": list(asked.maximise), "scene": study.scene, "spec": study.raw}
     path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

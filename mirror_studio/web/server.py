@@ -16,6 +16,7 @@ import webbrowser
 import zipfile
 from collections.abc import AsyncIterator
 from importlib import metadata, resources
+from pathlib import Path
 from typing import Any
 
 import uvicorn
@@ -28,9 +29,11 @@ from mirror_cad.errors import FileError, SpecError
 from mirror_cad.laws import Table
 from mirror_cad.spec import MirrorSpec
 from mirror_studio import interrupt
+from mirror_studio.explore.front import Front, front_of, read_front
 from mirror_studio.web import state
 from mirror_studio.web.controls import controls, laws
 from mirror_studio.web.downloads import KINDS, Downloads, NotMadeError, kinds
+from mirror_studio.web.front import front_as_json
 from mirror_studio.web.protocol import LARGEST_MESSAGE, ViewSettings, look_faults
 from mirror_studio.web.rules import offered
 from mirror_studio.web.session import Session, Shared
@@ -38,6 +41,7 @@ from mirror_studio.web.uploads import LIMITS, Uploads, check, in_folder
 
 HOST = "127.0.0.1"
 MAX_CONNECTIONS = 16
+LARGEST_FRONT = 20_000_000  # bytes
 TOO_MANY = 1013  # WebSocket close code: try again later
 PING_SECONDS = 20.0
 MEDIA = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8", ".js": "text/javascript; charset=utf-8",
@@ -57,12 +61,18 @@ class BadPortError(Exception):
     """A port that cannot be served on, in words."""
 
 
-def serve(port: int, browser: bool) -> None:
-    """Serve the studio until it is interrupted. Port 0 takes any free one. Raises: BadPortError."""
+def serve(port: int, browser: bool, study: Path | None = None) -> None:
+    """Serve the studio until it is interrupted. Port 0 takes any free one.
+
+    study : the directory of an optimisation, whose front the page opens with.
+
+    Raises: BadPortError; FileError where the study has no front.
+    """
     interrupt.begin()
+    front = None if study is None else read_front(study)
     listening = _listen(port)
     address = f"http://{HOST}:{listening.getsockname()[1]}/"
-    app = create_app(listening.getsockname()[1])
+    app = create_app(listening.getsockname()[1], front, study)
     config = uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio", ws_per_message_deflate=False,
                             ws_max_size=LARGEST_MESSAGE, ws_ping_interval=PING_SECONDS, ws_ping_timeout=PING_SECONDS,
                             lifespan="on", server_header=False, date_header=False, timeout_graceful_shutdown=2)
@@ -94,12 +104,12 @@ def _has_display() -> bool:
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def create_app(port: int) -> ASGIApp:
-    """The studio as an application that answers on this port of the local host alone."""
+def create_app(port: int, front: Front | None = None, study: Path | None = None) -> ASGIApp:
+    """The studio as an application that answers on this port of the local host alone; with the front of a study's directory."""
     static = _static()
     start = json.dumps({"presets": state.presets(), "look": state.as_look(ViewSettings()), "opens_on": state.OPENS_ON,
                         "controls": controls(), "laws": laws(), "rules": offered(), "kinds": kinds(),
-                        "version": metadata.version("mirror-cad"),
+                        "version": metadata.version("mirror-cad"), "study": front is not None,
                         "uploads": {kind: {"endings": limit.endings, "largest": limit.largest}
                                     for kind, limit in LIMITS.items()}})
     open_ = 0
@@ -149,6 +159,16 @@ def create_app(port: int) -> ASGIApp:
     @app.post("/upload/{kind}")
     async def upload(kind: str, request: Request, ending: str = "", name: str = "") -> Response:
         return await _answered(shared(), _upload(shared(), kind, ending.lower(), name, request))
+
+    @app.get("/study")
+    async def of_study() -> Response:
+        if front is None:
+            return PlainTextResponse("the studio was started without a study", 404)
+        return await _answered(shared(), asyncio.to_thread(front_as_json, front, study, shared().uploads))
+
+    @app.post("/front")
+    async def dropped(request: Request) -> Response:
+        return await _answered(shared(), _front(shared(), request))
 
     @app.post("/picture")
     async def picture(request: Request) -> Response:
@@ -234,6 +254,18 @@ async def _toml(shared: Shared, request: Request) -> dict[str, Any]:
         for name, shown in names.items():
             archive.write(shared.uploads.folder / name, shown)
     return {"name": f"{checked.name}.zip", "zip": base64.b64encode(stream.getvalue()).decode("ascii")}
+
+
+async def _front(shared: Shared, request: Request) -> dict[str, Any]:
+    """The front that front.csv and perhaps optimise.json hold. Raises: MirrorError."""
+    try:
+        asked = json.loads(await _body(request, LARGEST_FRONT))
+        name, table, summary = asked["name"], asked["table"], asked.get("summary")
+        if not (isinstance(name, str) and isinstance(table, str) and isinstance(summary, str | None)):
+            raise TypeError
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise SpecError("not a request of the studio's page") from None
+    return await asyncio.to_thread(lambda: front_as_json(front_of(name[:100], table, summary), None, shared.uploads))
 
 
 async def _picture(shared: Shared, request: Request) -> Response:

@@ -5,6 +5,7 @@ import { css, QUANTITIES, coloured } from "./colours.js";
 import { el, find } from "./dom.js";
 import { bringAgain, bringIn, choose, chooseSome, dropZones, save } from "./files.js";
 import { Figures } from "./figures.js";
+import { Front, ofFront } from "./front.js";
 import { LawPlot } from "./laws.js";
 import { FlatMap, Plan } from "./maps.js";
 import { Measured } from "./measured.js";
@@ -80,7 +81,9 @@ function offered() {
 offered();
 // Another measured mirror, or none any more.
 function measuredShown() {
-  find("#side").classList.toggle("measured", measured.open);
+  const { classList } = find("#side");
+  if (measured.open && !classList.contains("measured")) { showFront(false); showRules(false); }
+  classList.toggle("measured", measured.open);
   if (answer) measured.onto(answer);
   offered();
   colour();
@@ -115,7 +118,15 @@ function toggle(id, act, on = false) {
 }
 toggle("#grid", (on) => { stage.grid = on; stage.draw(); });
 toggle("#reflection-lines", (on) => { solid.lines = on; solid.later(); });
-toggle("#rules", (on) => rules.toggle(on));
+// One panel takes the side's place at a time.
+const showRules = toggle("#rules", (on) => { if (on && front.front) showFront(false); rules.toggle(on); });
+const front = new Front(find("#front-panel"), store, { fail, well, shown: () => { find("#front").hidden = !front.front; showFront(Boolean(front.front)); } });
+const showFront = toggle("#front", (on) => {
+  if (on) showRules(false);
+  find("#front-panel").hidden = !on;
+  find("#side").classList.toggle("fronted", on);
+  front.draw();
+});
 toggle("#combs", (on) => { solid.combs = on; solid.later(); }, true);
 find("#eyes").addEventListener("click", () => store.edit(({ look }) => { look.eyes = look.eyes === "both" ? "one" : "both"; }));
 
@@ -168,6 +179,7 @@ function paint(soon) {
     controls.refresh();
     rules.refresh();
     measured.refresh();
+    front.refresh();
     laws.forEach((law) => law.draw());
     figures.shown(null, pinned?.answer);
     road.refresh(now, pinned);
@@ -357,15 +369,22 @@ find("#measure").addEventListener("click", async () => {
   const files = await chooseSome(start.uploads.measured.endings);
   if (files.length) measured.bring(files);
 });
-dropZones(find("#drop"), (zone, files) => {
-  if (zone === "open" || files[0].name.toLowerCase().endsWith(".toml")) openSpec(files[0]);
+dropZones(find("#drop"), async (zone, files) => {
+  const opened = files[0].name.toLowerCase().endsWith(".toml") || (await Promise.all(files.map(ofFront))).some(Boolean);
+  if (zone === "open" || opened) openSome(files);
   else if (zone === "own") ownMirror(files[0]);
   else measured.bring(files);
 });
 
 // --- specification in and out, and the address ---
 
-find("#open").addEventListener("click", async () => openSpec(await choose(start.uploads.spec.endings)));
+find("#open").addEventListener("click", async () => openSome(await chooseSome([...start.uploads.spec.endings, ".csv", ".json"])));
+// A specification, or the files of a front.
+async function openSome(files) {
+  const ofFronts = await Promise.all(files.map(ofFront));
+  if (ofFronts.some(Boolean)) front.bring(files);
+  else openSpec(files[0]);
+}
 async function openSpec(file) {
   if (!file) return;
   well("upload");
@@ -487,4 +506,5 @@ find("#help").addEventListener("click", () => help.showModal());
 addEventListener("pagehide", () => store.settle());
 
 if (!fromAddress()) changed(store.now);
+if (start.study) front.ofStudio();
 document.body.dataset.ready = "yes";

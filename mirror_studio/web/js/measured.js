@@ -6,7 +6,7 @@ import { bringIn, save } from "./files.js";
 import { fixed } from "./numbers.js";
 
 const COVERAGE = 1.959963984540054; // sigmas to either side that hold 95 %
-const VERDICTS = { pass: ["Measured ✓ pass", "pass"], fail: ["Measured ✗ fail", "fail"], undecided: ["Measured ? undecided", "open"] };
+const VERDICTS = { pass: ["✓ pass", "pass"], fail: ["✗ fail", "fail"], undecided: ["? undecided", "open"] };
 const ROWS = [["height", "Height", "µm", 1000, 1, "mm"], ["slope", "Slope", "′", 1, 2, "arcmin"], ["k1", "k₁"], ["k2", "k₂"], ["kx", "kx"], ["ky", "ky"], ["twist", "Twist"]];
 const ALIGN = [["best-fit", "best fit"], ["none", "as measured"], ["321", "3-2-1"]]; // the first is what there is at first
 
@@ -153,7 +153,7 @@ export class Measured {
 
   draw() {
     const { inspection, measures, missed } = this.found, { points, verdict, verdict_basis: basis } = inspection;
-    const [words, kind] = VERDICTS[verdict] ?? ["Measured, no limit", "none"];
+    const [words, kind] = VERDICTS[verdict] ?? ["no limit", "none"];
     this.badge.textContent = words;
     this.badge.className = `badge ${kind}`;
     this.badge.title = basis ? `Limit ${basis.limit_percent} % of curvature; at 95 %: surely ${text(basis.surely_percent, 2)} %, possibly ${text(basis.possibly_percent, 2)} %. ${missed.join("; ")}` : "Part's limit, under Surface and limits, sets one";
