@@ -251,9 +251,8 @@ def test_lane_image_is_the_lane_and_its_tangent_gives_the_straightness(progressi
     assert lane_image(face_of(mirror), setting.eye, setting.lane, mirror.box, None) is None
 
     frame = Frame.around(mirror.box, 400)
-    plain = io.BytesIO()
-    Image.new("RGB", (frame.columns, frame.rows), (128, 128, 128)).save(plain, "PNG")
-    marked = np.asarray(Image.open(io.BytesIO(marked_view(plain.getvalue(), frame, image, face_of(mirror), setting.eye))))
+    plain = np.full((frame.rows, frame.columns, 3), 128, dtype=np.uint8)
+    marked = np.asarray(Image.open(io.BytesIO(marked_view(plain, frame, image, face_of(mirror), setting.eye))))
     for colour in (CURVE, TANGENT):
         assert (np.abs(marked.astype(int) - np.array(colour)).sum(axis=2) < 90).sum() > 100
     # In the frame the picture plane is z = 0: a point of the mirror is seen there along its ray.

@@ -15,7 +15,7 @@ from mirror_studio.build.results import FieldOfView, LaneFigures, Metrics
 from raytrace.image import landing_points, photograph
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.lane import lane_straightness_percent
-from raytrace.measures.lane_image import lane_straightness_in_picture
+from raytrace.measures.lane_image import YELLOWNESS, _runs, lane_straightness_in_picture
 from raytrace.measures.straight_lane import StraightLane
 from raytrace.scene.reference import BACKGROUND, ReferencePlane, load_picture
 from raytrace.viewing.camera import Frame, rays_through
@@ -116,3 +116,28 @@ def test_table_1_takes_section_fields_of_view_and_the_traced_lane() -> None:
     table = table1_as_json(table_1(metrics))
     assert table["progressive-b"] == {"h_fov_deg": {"ours": 1.0, "paper": 44.8}, "v_fov_left_deg": {"ours": 2.0, "paper": 46.8},
                                       "lane_straightness_percent": {"ours": 3.0, "paper": 30.0}}
+
+
+def test_yellow_runs_of_all_columns_are_those_of_each() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        rows, columns = rng.integers(1, 12, 2)
+        yellowness = rng.choice(np.array([-30, 0, 20, 60, 255], dtype=np.int16), (rows, columns))
+        expected = [_runs_of_one(yellowness[:, c]) for c in range(columns)]
+        found = _runs(yellowness)
+        assert len(found) == columns
+        assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))  # sums of whole numbers are exact
+
+
+def _runs_of_one(column: np.ndarray) -> list[float]:
+    centres, row = [], 0
+    while row < len(column):
+        start = row
+        while row < len(column) and column[row] > YELLOWNESS:
+            row += 1
+        if row > start:
+            part = range(max(start - 1, 0), min(row + 1, len(column)))
+            weights = [max(int(column[i]), 0) for i in part]
+            centres.append(sum(i * weight for i, weight in zip(part, weights, strict=True)) / sum(weights))
+        row += 1
+    return centres

@@ -48,6 +48,7 @@ from mirror_studio.report.stages import Floor, Link, chain_links, model_sentence
 from mirror_studio.report.text import fixed, given, number, point_in_words
 from mirror_studio.report.uncertainty import Uncertainty
 from mirror_studio.report.verdict_table import requirements, view_requirements
+from raytrace.scene.reference import Picture
 
 METRICS = Metrics(
     h_fov_deg=FieldOfView(section=44.82, traced=44.63), v_fov_left_deg=FieldOfView(section=42.88, traced=39.6),
@@ -61,10 +62,8 @@ FLAT = {"law": "constant", "radius_mm": math.inf}
 TURNING = {"law": "expression", "curvature": "0.001*(t - 0.4)"}
 
 
-def _picture() -> bytes:
-    file = io.BytesIO()
-    Image.new("RGB", (64, 88), "grey").save(file, "PNG")
-    return file.getvalue()
+def _picture() -> Picture:
+    return np.full((88, 64, 3), 128, dtype=np.uint8)
 
 
 def _deviation(mirror: Mirror) -> Deviation:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
 from collections.abc import Mapping
@@ -109,7 +108,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         progress.step(f"{name}: decoupled and faithful surface side by side")
     metrics = _measured(mirror, deviation, reflector, view, files, stl)
     progress.step(f"{name}: report")
-    _report(folder, mirror, deviation, metrics, step_file, read_back, reflector, view.png, pdf)
+    _report(folder, mirror, deviation, metrics, step_file, read_back, reflector, view.picture, pdf)
     from mirror_studio.missed import missed_in_words
     from mirror_studio.report.verdict_table import requirements
 
@@ -120,11 +119,10 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
 
 
 class _DriversView(NamedTuple):
-    """The picture, its frame, the bytes of the PNG, and how many rays had which status."""
+    """The picture, its frame, and how many rays had which status."""
 
     picture: Picture
     frame: Frame
-    png: bytes
     rays: Mapping[str, int]
 
 
@@ -149,7 +147,8 @@ def _write_and_check(folder: Path, mirror: Mirror) -> tuple[StepFile, FileChecks
 def _drivers_view(folder: Path, mirror: Mirror, reflector: Reflector, picture: Picture, progress: Progress) -> _DriversView:
     setup, frame = ViewingSetup.of(mirror.spec, mirror.box), Frame.around(mirror.box, mirror.spec.view.width_px)
     seen, rays = photograph(reflector, frame.camera(setup.eye), setup.scene(picture, mirror.spec), progress.share)
-    return _DriversView(seen, frame, write_png(folder / "driver-view.png", seen), rays)
+    write_png(folder / "driver-view.png", seen)
+    return _DriversView(seen, frame, rays)
 
 
 def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: _DriversView, files: FileChecks,
@@ -183,7 +182,7 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
 
 
 def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, step_file: StepFile,
-            read_back: BSplineSurface, reflector: Reflector, view_png: bytes, pdf: bool) -> None:
+            read_back: BSplineSurface, reflector: Reflector, view: Picture, pdf: bool) -> None:
     """Write the figures as JSON and tables, the report and the manifest, which names every other file."""
     from mirror_studio.report import find, write_findings, write_pdf, write_report
 
@@ -193,7 +192,7 @@ def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics
     findings = find(mirror, deviation, read_back, metrics, step_file, reflector.surface)
     write_findings(folder, mirror, deviation, findings, manifest)
     manifest = replace(manifest, files=hashes(folder))
-    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view_png, findings)
+    write_report(folder / "report.html", mirror, deviation, metrics, manifest, view, findings)
     if pdf:
         write_pdf(folder / "report.html", folder / "report.pdf")
     write_json(folder / MANIFEST, manifest_as_json(mirror, replace(manifest, files=hashes(folder))))
@@ -324,17 +323,14 @@ def write_points(path: Path, points: Array) -> None:
         np.savetxt(stream, points, fmt="%.12g", delimiter=",")
 
 
-def write_png(path: Path, picture: Picture) -> bytes:
-    """Write a picture as PNG; returns the bytes written. Raises: WriteError where they decode differently."""
+def write_png(path: Path, picture: Picture) -> None:
+    """Write a picture as PNG. Raises: WriteError where it reads back different."""
     from PIL import Image
 
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, format="PNG", compress_level=4)
-    path.write_bytes(buffer.getvalue())
+    Image.fromarray(picture).save(path, format="PNG", compress_level=4)
     with Image.open(path) as read:
-        if not np.array_equal(np.asarray(read), picture):
+        if read.size != picture.shape[1::-1] or read.tobytes() != picture.tobytes():
             raise WriteError(f"{path.name}: the picture reads back different from what was written")
-    return buffer.getvalue()
 
 
 def write_json(path: Path, content: JsonObject) -> None:

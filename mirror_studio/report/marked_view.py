@@ -14,6 +14,7 @@ from mirror_studio.report.tables import Table
 from mirror_studio.report.typeface import typeface
 from raytrace.measures.lane import lane_height
 from raytrace.measures.straight_lane import StraightLane
+from raytrace.scene.reference import Picture
 from raytrace.surfaces.base import OpticalSurface
 from raytrace.viewing.camera import Frame
 
@@ -59,9 +60,9 @@ def lane_image(surface: OpticalSurface, eye: Array, lane: StraightLane, box: Box
     return LaneImage(x, y, y[0] + rise * (x[0] - x) / (x[0] - x[-1]))
 
 
-def marked_view(png: bytes, frame: Frame, image: LaneImage | None, surface: OpticalSurface, eye: Array) -> bytes:
+def marked_view(seen: Picture, frame: Frame, image: LaneImage | None, surface: OpticalSurface, eye: Array) -> bytes:
     """The driver's view as JPEG, at most PICTURE_PX, with the lane's image and its tangent drawn into it."""
-    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    picture = Image.fromarray(seen)
     smaller = min(1.0, PICTURE_PX[0] / picture.width, PICTURE_PX[1] / picture.height)
     if smaller < 1.0:
         size = max(1, round(smaller * picture.width)), max(1, round(smaller * picture.height))

@@ -53,6 +53,7 @@ from mirror_studio.report.verdict_table import view_requirements
 from mirror_studio.rules.of_spec import SpecRules
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.registry import registered
+from raytrace.scene.reference import Picture
 from raytrace.viewing.camera import Frame
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ OWN_ROWS = {"h_fov_section_deg", "h_fov_traced_deg", "v_fov_left_section_deg", "
 
 
 def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics,
-                 manifest: Manifest, driver_view_png: bytes, findings: ReportData) -> None:
+                 manifest: Manifest, driver_view: Picture, findings: ReportData) -> None:
     """Write the report of one mirror: a page without scripts and external requests, readable in print on A4.
 
     Parameters
@@ -80,8 +81,8 @@ def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metr
         Of the file to write.
     mirror, deviation, metrics, manifest
         What the report is about; what `metrics` does not have is left out.
-    driver_view_png
-        The bytes of the driver's picture.
+    driver_view
+        The driver's picture.
     findings
         What the report finds beyond deviation and metrics.
     """
@@ -97,7 +98,7 @@ def write_report(path: Path, mirror: Mirror, deviation: Deviation, metrics: Metr
         "across": _uri("image/svg+xml", radius_figure(across, limit)),
         "upright": _uri("image/svg+xml", radius_figure(upright, limit)),
         "combs": _uri("image/svg+xml", comb_figure(findings.cuts)),
-        "driver": _uri("image/jpeg", marked_view(driver_view_png, frame, findings.lane, findings.seen, eye)),
+        "driver": _uri("image/jpeg", marked_view(driver_view, frame, findings.lane, findings.seen, eye)),
     }
     head = heading(mirror, manifest)
     page = templates().get_template("report.html.j2").render(

@@ -31,21 +31,27 @@ def write_tables(folder: Path, prefix: str, tables: Iterable[Table], head: Mappi
     """
     parts = []
     for table in tables:
-        columns = {key: [_cell(value) for value in _values(values)] for key, values in table.columns.items()}
+        columns = {key: _texts(values) for key, values in table.columns.items()}
         with (folder / f"{prefix}-{table.name}.csv").open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(columns)
-            writer.writerows(zip(*([text for text, _ in column] for column in columns.values()), strict=True))
-        lines = (f"      {json.dumps(key)}: [{', '.join(text for _, text in column)}]" for key, column in columns.items())
+            writer.writerows(zip(*(cells for cells, _ in columns.values()), strict=True))
+        lines = (f"      {json.dumps(key)}: [{', '.join(texts)}]" for key, (_, texts) in columns.items())
         parts.append(f"    {json.dumps(table.name)}: {{\n" + ",\n".join(lines) + "\n    }")
     start = json.dumps({"schema": 1, **head}, indent=2, allow_nan=False, ensure_ascii=False).removesuffix("\n}")
     text = f'{start},\n  "tables": {{\n' + ",\n".join(parts) + "\n  }\n}\n"
     (folder / f"{prefix}-report.json").write_text(text, encoding="utf-8")
 
 
-def _values(values: Sequence[Any] | NDArray[Any]) -> Sequence[Any]:
-    result: Sequence[Any] = values.tolist() if isinstance(values, np.ndarray) else values
-    return result
+def _texts(values: Sequence[Any] | NDArray[Any]) -> tuple[list[str], list[str]]:
+    """A column as cells of CSV and as values of JSON."""
+    if isinstance(values, np.ndarray):
+        values = values.tolist()
+        if all(type(value) is float and math.isfinite(value) for value in values):  # most by far, all at once
+            texts = (f"%.{DIGITS}g\n" * len(values) % tuple(values)).splitlines()
+            return texts, texts
+    cells = [_cell(value) for value in values]
+    return [cell for cell, _ in cells], [text for _, text in cells]
 
 
 def _cell(value: Any) -> tuple[str, str]:

@@ -77,11 +77,10 @@ def _smooth_near(x: Array, y: Array, edge: float, width: float) -> Chebyshev | N
 
 def _uppermost_yellow_line(picture: Picture, frame: Frame, box: Box) -> tuple[Array, Array]:
     """Columns and sub-pixel rows of the uppermost yellow line, followed both ways from the middle of the mirror."""
-    values = picture.astype(np.float64)
-    yellowness = np.minimum(values[..., 0], values[..., 1]) - values[..., 2]
     first = max(int(np.ceil((box[0] - frame.left) / frame.pixel)), 0)
     last = min(int((box[1] - frame.left) / frame.pixel), frame.columns)
-    runs = [_runs(yellowness[:, c]) for c in range(first, last)]
+    values = picture[:, first:last]
+    runs = _runs(np.minimum(values[..., 0], values[..., 1]).astype(np.int16) - values[..., 2])
     found: dict[int, float] = {}
     starts = [i for i in np.argsort(np.abs(np.arange(len(runs)) - len(runs) // 2)) if len(runs[i])]
     if not starts:
@@ -106,14 +105,20 @@ def _uppermost_yellow_line(picture: Picture, frame: Frame, box: Box) -> tuple[Ar
     return np.array(order, dtype=np.float64) + first, np.array([found[i] for i in order])
 
 
-def _runs(yellowness: Array) -> Array:
-    """Centres of gravity of the yellow runs of one column, from the top; in pixels, of pixel centres."""
-    yellow = yellowness > YELLOWNESS
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], yellow, [False]]).astype(np.int8)))
-    centres = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        # The half-covered pixels on either side belong to the line too.
-        part = slice(max(start - 1, 0), min(stop + 1, len(yellowness)))
-        weight = np.maximum(yellowness[part], 0.0)
-        centres.append(float(np.average(np.arange(part.start, part.stop), weights=weight)))
-    return np.array(centres)
+def _runs(yellowness: NDArray[np.int16]) -> list[Array]:
+    """Centres of gravity of the yellow runs of each column (rows, columns), from the top; in pixels, of pixel centres."""
+    rows, columns = yellowness.shape
+    flat = np.zeros((columns, rows + 2), dtype=np.int16)  # column by column, none yellow at their ends
+    flat[:, 1:-1] = yellowness.T
+    edges = np.flatnonzero(np.diff((flat > YELLOWNESS).ravel()))
+    # The half-covered pixels on either side belong to the line too: an edge lies after the pixel of its number.
+    starts, stops = edges[::2], edges[1::2] + 2
+    if not len(starts):
+        return [np.empty(0)] * columns
+    lengths = stops - starts
+    offsets = np.cumsum(lengths) - lengths
+    at = np.repeat(starts - offsets, lengths) + np.arange(int(lengths.sum()))
+    weights = np.maximum(flat.ravel()[at], 0).astype(np.float64)
+    column = starts // (rows + 2)
+    centres = np.add.reduceat(weights * (at % (rows + 2) - 1), offsets) / np.add.reduceat(weights, offsets)
+    return np.split(centres, np.searchsorted(column, np.arange(1, columns)))

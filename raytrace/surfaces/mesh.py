@@ -144,7 +144,9 @@ class MeshSurface(OpticalSurface):
 
     @cached_property
     def _interpolated(self) -> MeshSurface:
-        return replace(self, normals="interpolated")
+        found = replace(self, normals="interpolated")
+        found.__dict__["scene"] = self.scene  # the facets are the same
+        return found
 
     def ray_differentials(self, eye: Array, rays: Array, turns: Array, points: Array, directions: Array) -> tuple[Array, Array]:
         """By exact rays beside.
