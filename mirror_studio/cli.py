@@ -398,6 +398,25 @@ def optimise(study: Path, /, *, out: Out = None, scheduler: Scheduler = None, js
     return _finish({"evaluations": found.evaluations, "failed": found.failed, "front": len(found.front)}, missed, json)
 
 
+@app.command
+def tolerances(study: Path, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> int:
+    """Make many mirrors as they may come out, and say how far each measure spreads and which tolerance brings how much of it.
+
+    Parameters
+    ----------
+    study
+        A TOML file: spec, scene, measures, [limits], and what may depart: [keys], [form], [wedge], [aim], [eye].
+    """
+    if (missing := _missing_for_studies()) is not None:
+        return missing
+    from mirror_studio.progress import Progress
+    from mirror_studio.tolerances.file import load_tolerances
+    from mirror_studio.tolerances.run import tolerances as run
+
+    content, missed = run(load_tolerances(study), out or Path("exports") / study.stem, Progress(), scheduler)
+    return _finish(content, missed, json)
+
+
 def _missing_for_studies() -> int | None:
     """The exit code where what studies need is not installed, said; None where it is."""
     from importlib.util import find_spec

@@ -13,7 +13,8 @@ import pytest
 from PIL import Image
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
-SMALL = {"WIDTH_PX": "160", "EYE_PX": "80, 90", "COUNT": "3"}  # of pictures and sweeps: what they show is not the test
+SMALL = {"WIDTH_PX": "160", "EYE_PX": "80, 90", "COUNT": "3",
+         "SAMPLES": "16"}  # of pictures and sweeps: what they show is not the test
 
 
 def source(name: str) -> str:
@@ -60,6 +61,27 @@ def test_made_mirror(run: Any) -> None:
     assert has_content(Path("made_mirror.png"))
     assert np.hypot(names["x_worst"] - 40.0, names["y_worst"] - 60.0) < 20.0
     assert abs(names["kx"][names["worst"]] - 9.0) < 2.5
+
+
+def test_glass_tolerances(run: Any) -> None:
+    """The field's sigma is what its slopes over the radii make of theirs; the waves alone bend the lane."""
+    from mirror_studio.tolerances.made import evaluate_made
+
+    names = run("glass_tolerances.py")
+    study, found = names["study"], names["found"]
+    field, lane = (found[key] for key in ("h_fov_traced_deg", "lane_straightness_percent"))
+
+    def departed(right: float, left: float) -> float:
+        value = evaluate_made(0, (), study.with_values((right, left, 0.0)) | {"made": study.as_designed()["made"]}, ".", None,
+                              ("h_fov_traced_deg",)).figures[0]
+        assert value is not None
+        return value
+
+    slopes = [(departed(8.0, 0.0) - departed(-8.0, 0.0)) / 2.0, (departed(0.0, 5.0) - departed(0.0, -5.0)) / 2.0]
+    by_radii = sum(max(field.indices[key].total, 0.0) for key in ("horizontal.right_mm", "horizontal.left_mm"))
+    assert field.sigma * np.sqrt(by_radii) == pytest.approx(np.hypot(*slopes), rel=0.25)  # 80 mirrors tell a sigma to 8 %
+    assert lane.indices["form.bending"].total > 0.8
+    assert has_content(Path("glass_tolerances.png"))
 
 
 def test_deviation_report(run: Any) -> None:

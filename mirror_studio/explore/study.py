@@ -6,7 +6,7 @@ import difflib
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from itertools import product
@@ -40,7 +40,8 @@ def _values(value: object) -> tuple[Value, ...] | None:
     return tuple(one if isinstance(one, str | bool | int) else float(one) for one in value)
 
 
-def _names(value: object) -> tuple[str, ...]:
+def measure_names(value: object) -> tuple[str, ...]:
+    """A list of different names."""
     if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
         raise ValueError("must be a list of measures' names")
     if len(set(value)) < len(value):
@@ -48,7 +49,8 @@ def _names(value: object) -> tuple[str, ...]:
     return tuple(value)
 
 
-def _ends(value: object) -> tuple[float, float]:
+def limit_ends(value: object) -> tuple[float, float]:
+    """The least and the most of a measure."""
     if not isinstance(value, list | tuple) or len(value) != 2 or not all(
             is_number(end) and not math.isnan(end) for end in value):
         raise ValueError("must be two numbers, [least, most], with -inf or inf for a side that is free")
@@ -93,9 +95,9 @@ class Range(Section):
 class OptimiseSection(Section):
     """What is to be small, what large, and between which ends measures must stay; how long is looked for it."""
 
-    minimise: Annotated[tuple[str, ...], PlainValidator(_names)] = ()
-    maximise: Annotated[tuple[str, ...], PlainValidator(_names)] = ()
-    limits: dict[str, Annotated[tuple[float, float], PlainValidator(_ends)]] = Field(default_factory=dict)
+    minimise: Annotated[tuple[str, ...], PlainValidator(measure_names)] = ()
+    maximise: Annotated[tuple[str, ...], PlainValidator(measure_names)] = ()
+    limits: dict[str, Annotated[tuple[float, float], PlainValidator(limit_ends)]] = Field(default_factory=dict)
     population: Annotated[int, Field(ge=4, le=10_000)] = 40
     generations: Annotated[int, Field(ge=1, le=10_000)] = 25
 
@@ -105,7 +107,7 @@ class StudyFile(Section):
 
     spec: str
     scene: str | None = None
-    measures: Annotated[tuple[str, ...], PlainValidator(_names)] = ()
+    measures: Annotated[tuple[str, ...], PlainValidator(measure_names)] = ()
     samples: Annotated[int | None, Field(ge=1, le=MAX_DESIGNS)] = None
     sampler: Literal["sobol", "halton", "latin"] = "sobol"
     seed: Annotated[int, Field(ge=0, le=2**31)] = 0
@@ -187,11 +189,11 @@ class Study:
         """The specification with the keys at these values, as JSON has it."""
         raw = deepcopy(self.raw)
         for key, value in zip(self.keys, values, strict=True):
-            _put(raw, key, value)
+            put(raw, key, value)
         return raw
 
 
-def _put(raw: dict[str, Any], key: str, value: Value) -> None:
+def put(raw: dict[str, Any], key: str, value: Value) -> None:
     """Set `section.key`, or `section.key.0` for an entry of a list."""
     *path, last = key.split(".")
     at: Any = raw
@@ -225,8 +227,8 @@ def load_study(path: Path, optimise: bool = False) -> Study:
 
     raw, source, folder = read_toml(path, resources.files("mirror_studio") / "studies", "study")
     file = validated(StudyFile, raw, source, folder)
-    spec = load_spec(_beside(file.spec, folder))
-    study = Study(file, spec_as_json(spec), folder, None if file.scene is None else str(_beside(file.scene, folder)), ())
+    spec = load_spec(beside(file.spec, folder))
+    study = Study(file, spec_as_json(spec), folder, None if file.scene is None else str(beside(file.scene, folder)), ())
     faults = [] if file.vary else [f"{source}: vary: no key is varied"]
     for key, each in file.vary.items():
         faults += [f"{source}: vary.{fault}" for fault in _faults_of_key(study, key, each.grid()[0])]
@@ -250,13 +252,14 @@ def load_study(path: Path, optimise: bool = False) -> Study:
             wanted += [name for name in (*asked.minimise, *asked.maximise, *asked.limits) if name not in wanted]
     elif not wanted:
         faults.append(f"{source}: measures: name one or more (`mirror-cad measures` lists them)")
-    faults += [f"{source}: {fault}" for fault in _faults_of_measures(wanted, study)]
+    faults += [f"{source}: {fault}" for fault in faults_of_measures(wanted, study.raw, study.keys, study.scene)]
     if faults:
         raise SpecError(faults)
     return Study(study.file, study.raw, study.folder, study.scene, tuple(wanted))
 
 
-def _beside(name: str, folder: Path) -> str:
+def beside(name: str, folder: Path) -> str:
+    """A file's name, relative to the folder of the study; a preset's own."""
     return str(folder / name) if name.endswith(".toml") else name
 
 
@@ -264,7 +267,7 @@ def _faults_of_key(study: Study, key: str, value: Value) -> list[str]:
     """Whether a specification has the key: what else is wrong with a value is its design's own failure."""
     raw = deepcopy(study.raw)
     try:
-        _put(raw, key, value)
+        put(raw, key, value)
         validate_spec(raw, "", study.folder)
     except SpecError as error:
         return [fault.removeprefix(": ") for fault in error.faults if "unknown key" in fault or "belongs to" in fault
@@ -272,30 +275,42 @@ def _faults_of_key(study: Study, key: str, value: Value) -> list[str]:
     return []
 
 
-def _faults_of_measures(names: Sequence[str], study: Study) -> list[str]:
+def faults_of_measures(names: Sequence[str], raw: Mapping[str, Any], keys: Iterable[str], scene: str | None) -> list[str]:
+    """What is wrong with the measures that are asked for.
+
+    Parameters
+    ----------
+    names : sequence of str
+    raw : mapping
+        The specification.
+    keys : iterable of str
+        What of it varies.
+    scene : str or None
+        Where the mirror is put.
+    """
     from mirror_studio.rules.figures import needs_vehicle, rule_figures_known
     from raytrace.measures.registry import registered
 
     of_rules = rule_figures_known()
     faults = []
     for name in [name for name in names if name in of_rules]:
-        if "rules" not in study.raw and not any(key.startswith("rules.") for key in study.keys):
+        if "rules" not in raw and not any(key.startswith("rules.") for key in keys):
             faults.append(f"{name} is a line of a rule: give the specification [rules] with rule and class")
-        elif study.scene is None and needs_vehicle(name):
+        elif scene is None and needs_vehicle(name):
             faults.append(f"{name} is asked of a mirror on its vehicle: give scene = \"motorway\", say")
     names = [name for name in names if name not in of_rules]
     known = dict(registered())
-    if study.scene is not None and any(name not in known for name in names):
+    if scene is not None and any(name not in known for name in names):
         from mirror_studio.explore.evaluate import names_on_vehicle
 
-        known |= dict.fromkeys(names_on_vehicle(study.scene))  # type: ignore[arg-type]  # names alone count
-    elif study.scene is not None:
-        load_scene(study.scene)
+        known |= dict.fromkeys(names_on_vehicle(scene))  # type: ignore[arg-type]  # names alone count
+    elif scene is not None:
+        load_scene(scene)
     for name in names:
         if name not in known:
             near = difflib.get_close_matches(name, [*known, *of_rules], n=1, cutoff=0.4)
             faults.append(f"unknown measure {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
                           + " (`mirror-cad measures` lists them)")
-        elif study.scene is None and known[name].scope == "vehicle":
+        elif scene is None and known[name].scope == "vehicle":
             faults.append(f"{name} is a measure of a mirror on its vehicle: give scene = \"motorway\", say")
     return faults
