@@ -19,6 +19,7 @@ from raytrace.surfaces.plate import Plate
 
 if TYPE_CHECKING:
     from mirror_cad.mirror import Mirror
+    from mirror_cad.surfaces.bspline import BSplineSurface
     from raytrace.placement import Placement
 
 Array = NDArray[np.float64]
@@ -49,12 +50,15 @@ class Reflector:
         return f"<Reflector: {type(self.surface).__name__}, {width:.4g} × {height:.4g} mm>"
 
     @staticmethod
-    def from_mirror(mirror: Mirror) -> Reflector:
-        """The optical face of a designed mirror, inside its outline, with the glass before one that reflects from the back."""
+    def from_mirror(mirror: Mirror, front: BSplineSurface | None = None) -> Reflector:
+        """The optical face of a designed mirror, inside its outline, with the glass before one that reflects from the back.
+
+        front : of that glass, where it is not the mirror's own.
+        """
         loops, glass = (mirror.outline.polyline(TRIM_CHORD_MM),), mirror.spec.glass
         face = BSplineFace(mirror.surface, loops)
         if glass.reflecting == "back":
-            return Reflector(Plate(BSplineFace(mirror.front, loops), face, glass.index))
+            return Reflector(Plate(BSplineFace(mirror.front if front is None else front, loops), face, glass.index))
         return Reflector(face)
 
     @staticmethod

@@ -21,8 +21,6 @@ from mirror_studio.explore.evaluate import Row, row_of, scene_and_asked
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.measures.in_use import MirrorInUse
 from raytrace.reflector import Reflector
-from raytrace.surfaces.bspline import BSplineFace
-from raytrace.surfaces.plate import Plate
 
 DRAWS = 2.0**53  # a double between 0 and 1 is told from so many
 
@@ -88,12 +86,8 @@ def reflector_made(mirror: Mirror, made: Departures) -> Reflector:
         waves = Waves(*(np.concatenate([getattr(part, name) for part in parts])
                         for name in ("amplitude", "wavelength", "direction", "phase")))
         mirror = replace(mirror, surface=with_form_error(mirror.surface, waves))
-    reflector = Reflector.from_mirror(mirror)
-    plate = reflector.surface
-    if any(made.wedge_arcmin) and isinstance(plate, Plate) and isinstance(plate.front, BSplineFace):
-        front = replace(plate.front, surface=_wedged(plate.front.surface, made.wedge_arcmin))
-        reflector = replace(reflector, surface=replace(plate, front=front))
-    return reflector
+    wedged = any(made.wedge_arcmin) and mirror.spec.glass.reflecting == "back"
+    return Reflector.from_mirror(mirror, _wedged(mirror.front, made.wedge_arcmin) if wedged else None)
 
 
 def _made(raw: dict[str, Any], folder: str, scene: str | None) -> tuple[MirrorSpec, MirrorInUse]:
