@@ -27,7 +27,7 @@ from mirror_studio.cli import run
 from raytrace.assembly import FRONT_FACE, OPTICAL_FACE
 from raytrace.measures.field_of_view import angle_between, traced_fields_of_view
 from raytrace.measures.ghost import ghost, reflectance
-from raytrace.rays import Status, Trace
+from raytrace.rays import Rays, Status, Trace
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.plate import Plate, refract
 from raytrace.trace import reflect
@@ -243,6 +243,46 @@ def test_fates_of_rays_beside_the_front_at_its_rim_from_behind_and_bad_ones() ->
         assert np.isnan(rows[1:]).all()
     assert np.isnan(trace.distances[[1, 2, 4, 5]]).all()
     assert trace.distances[0] == pytest.approx(500.0 - T_MM, abs=1e-5)
+
+
+def plates_of_many_kinds() -> list[Plate]:
+    """Cut and whole, convex, flat and concave, thin, thick, a wedge, and sheets that do not lie over each other."""
+    front, back = faces_of(back_mirror())
+    small = (70.0, 70.0)
+    ball, wedge = cap(130.0, 0.0, small), cap(150.0, 0.0, small)
+    return [Plate(front, back, INDEX), sheets(400.0), sheets(-500.0, 1.9, 6.0), sheets(np.inf, 1.0), sheets(950.0, 1.5, 0.001),
+            Plate(cap(130.0, 8.0, small), ball, INDEX), Plate(cap(np.inf, 60.0), wedge, INDEX)]
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_the_way_through_in_one_kernel_is_that_face_by_face(number: int) -> None:
+    """Rays from everywhere to everywhere, among them hopeless ones, alone or beside each other, in any number."""
+    plate = plates_of_many_kinds()[number]
+    rng = np.random.default_rng(number)
+    low, high = plate.outline().min(axis=0), plate.outline().max(axis=0)
+    met = 0
+    for n in (1, 15, 16, 17, 400, 3000):
+        targets = low - 10.0 + rng.random((n, 3)) * (high - low + 20.0)
+        anywhere = rng.normal(size=(n, 3)) * 300.0 + [0.0, 0.0, 200.0]
+        origins = np.where(rng.random((n, 1)) < 0.8, [[250.0, 30.0, 700.0]], anywhere)
+        rays = Rays.of(origins, (targets - origins) * 10.0 ** rng.uniform(-3.0, 3.0, (n, 1)))
+        rays.directions[rng.random(n) < 0.01] = 0.0
+        rays.origins[rng.random(n) < 0.01] = np.nan
+        at_once, by_faces = Trace.empty(n), Trace.empty(n)
+        plate.first_hits(rays, at_once)
+        plate.face_by_face(rays, by_faces)
+        assert at_once.status.tolist() == by_faces.status.tolist()
+        met += at_once.counts().get("reflected", 0)
+        # Rounding: of coordinates of some 1000 mm, where the ray is nearly parallel to what it meets of more of it.
+        steep = np.abs(np.einsum("ij,ij->i", by_faces.normals, by_faces.directions))
+        room = 1.0 / np.fmax(steep, 1e-3)
+        assert np.nanmax(np.abs(at_once.points - by_faces.points).max(axis=1) / room, initial=0.0) < 3e-12
+        assert np.nanmax(np.abs(at_once.directions - by_faces.directions).max(axis=1) / room, initial=0.0) < 1e-13
+        assert np.nanmax(np.abs(at_once.normals - by_faces.normals).max(axis=1) / room, initial=0.0) < 1e-13
+        assert at_once.distances == pytest.approx(by_faces.distances, abs=1e-12, rel=1e-14, nan_ok=True)
+        for name in ("points", "normals", "directions"):
+            assert np.array_equal(np.isnan(getattr(at_once, name)), np.isnan(getattr(by_faces, name)))
+    assert met > 300
 
 
 def test_total_reflection_inside_blocks_the_ray() -> None:

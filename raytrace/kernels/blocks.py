@@ -27,7 +27,10 @@ OX, OY, OZ, DX, DY, DZ, T, X, Y, Z, ZX, ZY, LIMIT, MISS, V0, V1, V2, NX, NY, NZ,
 # homogeneous coordinates, each kept (K) and as last evaluated (P).
 AX, AY, AZ, BX, BY, BZ, U, V, LAST, LIMIT_P = (BLOCK * k for k in range(23, 33))
 P, K = BLOCK * 33, BLOCK * 45
-MAX_ROWS = 57
+# And for a plate of glass: the way to its front, where its back turns the ray, the share along the normal in which the ray goes
+# down, and how far the back was along the normal for the lane's last ray.
+ENTRY, BACK_X, BACK_Y, BACK_Z, DOWN, GAP = (BLOCK * k for k in range(57, 63))
+MAX_ROWS = 63
 CACHE_LINE = 8  # numbers
 
 

@@ -98,6 +98,23 @@ def _evaluate_apart(powers, cells, w):
 
 
 @compiled(fastmath={"contract"}, inline="always")
+def heights(powers, cells, w):
+    """z, z_x, z_y at (X, Y) into the rows Z, ZX, ZY, for a block of rays that need not lie in one cell."""
+    ends_x, ends_y = cells.ends_u, cells.ends_v
+    x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
+    x_low, x_high, y_low, y_high = box(w, X, Y)
+    i_low = span(clamp(x_low, x_min, x_max), ends_x, cells.lookup_u)
+    i_high = span(clamp(x_high, x_min, x_max), ends_x, cells.lookup_u)
+    j_low = span(clamp(y_low, y_min, y_max), ends_y, cells.lookup_v)
+    j_high = span(clamp(y_high, y_min, y_max), ends_y, cells.lookup_v)
+    if i_low == i_high and j_low == j_high:
+        base = (i_low * (ends_y.size - 2) + j_low) * powers * powers
+        _evaluate(powers, cells.coefficients, base, cells.middle_u[i_low], cells.middle_v[j_low], x_min, x_max, y_min, y_max, w)
+    else:
+        _evaluate_apart(powers, cells, w)
+
+
+@compiled(fastmath={"contract"}, inline="always")
 def _osculate(powers, cells, w, q):
     """Move the paraboloid q to where the block's middle ray meets the sheet."""
     c = BLOCK // 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 # What becomes of a ray; the values are those of `raytrace.Status`. One that a kernel leaves for the search is LOST until that
 # has looked.
-HIT, OUTSIDE, BEHIND, LOST, INVALID = 0, 1, 3, 4, 5
+HIT, OUTSIDE, BLOCKED, BEHIND, LOST, INVALID = range(6)
 
 # Newton ends where the distance from the surface is rounding: a little more than one of the numbers it is the difference of
 # (their sum is taken), or, where it is a little more than that, where the next step does not halve it.

@@ -54,6 +54,9 @@ from raytrace.kernels.trimming import Strips, in_interior, inside
 Array = NDArray[np.float64]
 
 
+BEYOND = 0.05  # of its size, by which a step may leave the surface
+
+
 class Patches(NamedTuple):
     """Any B-spline surface, as polynomials in coordinates about a centre of its own.
 
@@ -106,7 +109,7 @@ def _evaluate_parts_apart(powers, parts, cells, w):
 
 
 @compiled(fastmath={"contract"}, inline="always")
-def _surface(powers, parts, cells, w):
+def surface(powers, parts, cells, w):
     """S, S_u, S_v at (U, V) into the first nine rows P."""
     flat, ends_u, ends_v = cells.coefficients, cells.ends_u, cells.ends_v
     u_low, u_high, v_low, v_high = box(w, U, V)
@@ -144,38 +147,152 @@ def _surface(powers, parts, cells, w):
                                                      - w[P + 11 * BLOCK + m] * value) / weight
 
 
+@compiled(fastmath={"contract"}, _nrt=False)
+def centred(patches, w):
+    """Count origins from the surface's centre, and write the rounding of a distance from them into the row LIMIT_P."""
+    centre = patches.centre
+    for m in range(BLOCK):
+        w[OX + m] -= centre[0]
+        w[OY + m] -= centre[1]
+        w[OZ + m] -= centre[2]
+        w[LIMIT_P + m] = RESIDUAL * (patches.extent + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def from_plane(patches, w):
+    """Parameters to begin from: of the plane through the sheet, by the affine map that is nearest to its parameters.
+
+    Returns how many rays do not keep to the sheet's cone: they may meet it more than once.
+    """
+    sheet = patches.sheet
+    shallow = 0
+    for m in range(BLOCK):
+        down = sheet[0] * w[DX + m] + sheet[1] * w[DY + m] + sheet[2] * w[DZ + m]
+        t = -(sheet[0] * w[OX + m] + sheet[1] * w[OY + m] + sheet[2] * w[OZ + m]) / down
+        x, y, z = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m], w[OZ + m] + t * w[DZ + m]
+        w[U + m] = sheet[4] + sheet[5] * x + sheet[6] * y + sheet[7] * z
+        w[V + m] = sheet[8] + sheet[9] * x + sheet[10] * y + sheet[11] * z
+        shallow += 1 - int(abs(down) > sheet[3])
+    return shallow
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def across(w):
+    """Two directions across each ray: of the axes that are not nearest to it, and of the cross product with that."""
+    for m in range(BLOCK):
+        dx, dy, dz = w[DX + m], w[DY + m], w[DZ + m]
+        to_z = abs(dz) < 0.9
+        ax, ay, az = (dy, -dx, 0.0) if to_z else (0.0, dz, -dy)
+        length = np.sqrt(ax * ax + ay * ay + az * az)
+        ax, ay, az = ax / length, ay / length, az / length
+        w[AX + m], w[AY + m], w[AZ + m] = ax, ay, az
+        w[BX + m], w[BY + m], w[BZ + m] = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
+        w[LAST + m] = np.inf
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def kept_near(patches, w):
+    """A step may leave the surface by a little, where the end polynomials go on; not by more."""
+    ends_u, ends_v = patches.cells.ends_u, patches.cells.ends_v
+    u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
+    beyond_u, beyond_v = BEYOND * (u_max - u_min), BEYOND * (v_max - v_min)
+    for m in range(BLOCK):
+        w[U + m] = clamp(w[U + m], u_min - beyond_u, u_max + beyond_u)
+        w[V + m] = clamp(w[V + m], v_min - beyond_v, v_max + beyond_v)
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def residuals(w):
+    """How far the points of the rows P are off their rays, across them, into NX and NY; how many are off by no rounding."""
+    sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
+    moving = 0
+    for m in range(BLOCK):
+        x, y, z = w[sx + m] - w[OX + m], w[sy + m] - w[OY + m], w[sz + m] - w[OZ + m]
+        f = w[AX + m] * x + w[AY + m] * y + w[AZ + m] * z
+        g = w[BX + m] * x + w[BY + m] * y + w[BZ + m] * z
+        miss = np.sqrt(f * f + g * g)
+        settled = (miss <= w[LIMIT_P + m]) | ((miss <= ACCEPTED * w[LIMIT_P + m]) & (miss >= 0.5 * w[LAST + m]))
+        w[LAST + m] = miss
+        w[NX + m], w[NY + m] = f, g
+        moving += 1 - int(settled)
+    return moving
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def stepped(patches, w):
+    """A step of Newton's from the residuals in NX and NY with the derivatives of the rows P."""
+    ends_u, ends_v, closed = patches.cells.ends_u, patches.cells.ends_v, patches.closed
+    sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
+    u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
+    beyond_u, beyond_v = BEYOND * (u_max - u_min), BEYOND * (v_max - v_min)
+    # On a closed surface it goes on at the other side of the seam.
+    turn_u, turn_v = closed[0] * (u_max - u_min), closed[1] * (v_max - v_min)
+    for m in range(BLOCK):
+        ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
+        vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
+        fu = w[AX + m] * ux + w[AY + m] * uy + w[AZ + m] * uz
+        fv = w[AX + m] * vx + w[AY + m] * vy + w[AZ + m] * vz
+        gu = w[BX + m] * ux + w[BY + m] * uy + w[BZ + m] * uz
+        gv = w[BX + m] * vx + w[BY + m] * vy + w[BZ + m] * vz
+        inverse = 1.0 / (fu * gv - fv * gu)
+        u = w[U + m] - (w[NX + m] * gv - w[NY + m] * fv) * inverse
+        v = w[V + m] - (w[NY + m] * fu - w[NX + m] * gu) * inverse
+        u += turn_u * (1.0 if u < u_min else 0.0) - turn_u * (1.0 if u > u_max else 0.0)
+        v += turn_v * (1.0 if v < v_min else 0.0) - turn_v * (1.0 if v > v_max else 0.0)
+        w[U + m] = clamp(u, u_min - beyond_u, u_max + beyond_u)
+        w[V + m] = clamp(v, v_min - beyond_v, v_max + beyond_v)
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def refined(powers, parts, patches, w):
+    """Newton from (U, V) until S there is off the ray by rounding only: S, S_u, S_v of that place in the rows P."""
+    for step in range(MAX_STEPS):
+        surface(powers, parts, patches.cells, w)
+        if residuals(w) == 0 or step == MAX_STEPS - 1:
+            break
+        stepped(patches, w)
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def met(patches, sign, one_sided, w):
+    """Distances, points and normals that look back along the ray, from the rows P; the ray's share along outward into MISS.
+
+    Returns how many rays hit.
+    """
+    centre = patches.centre
+    sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
+    good = 0
+    for m in range(BLOCK):
+        x, y, z = w[sx + m], w[sy + m], w[sz + m]
+        ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
+        vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        facing = sign * (nx * w[DX + m] + ny * w[DY + m] + nz * w[DZ + m])
+        turn = sign / length if facing <= 0.0 else -sign / length
+        w[NX + m], w[NY + m], w[NZ + m] = nx * turn, ny * turn, nz * turn
+        w[T + m] = (x - w[OX + m]) * w[DX + m] + (y - w[OY + m]) * w[DY + m] + (z - w[OZ + m]) * w[DZ + m]
+        w[X + m], w[Y + m], w[Z + m] = x + centre[0], y + centre[1], z + centre[2]
+        w[MISS + m] = facing
+        good += int((w[LAST + m] <= ACCEPTED * w[LIMIT_P + m]) & (length > 0.0) & (w[T + m] > NEAREST_MM)
+                    & ((facing < 0.0) | (not one_sided)))
+    return good
+
+
 def _kernel(powers, parts):
     """The kernel for surfaces in `parts` coordinates (3, or 4 homogeneous ones) with `powers` = degree + 1 both ways."""
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
     def hits(w, state, patches, strips, sign, one_sided, origins, directions, results):
-        cells, centre, sheet, closed = patches.cells, patches.centre, patches.sheet, patches.closed
-        ends_u, ends_v = cells.ends_u, cells.ends_v
+        sheet, ends_u, ends_v = patches.sheet, patches.cells.ends_u, patches.cells.ends_v
         n_rays = directions.size // 3
         u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
-        # A step may leave the surface by a little, where the end polynomials go on; not by more.
-        beyond_u, beyond_v = 0.05 * (u_max - u_min), 0.05 * (v_max - v_min)
-        # On a closed surface it goes on at the other side of the seam.
-        turn_u, turn_v = closed[0] * (u_max - u_min), closed[1] * (v_max - v_min)
-        sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
         for start in range(0, n_rays, BLOCK):
             count = min(BLOCK, n_rays - start)
             degenerate = load(origins, directions, start, count, w)
             if degenerate > 0:
                 fix_degenerate_rays(directions, start, count, w, state)
-            for m in range(BLOCK):
-                w[OX + m] -= centre[0]
-                w[OY + m] -= centre[1]
-                w[OZ + m] -= centre[2]
-                w[LIMIT_P + m] = RESIDUAL * (patches.extent + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
-            # From the plane through the sheet, by the affine map that is nearest to its parameters.
-            shallow = 0
-            for m in range(BLOCK):
-                down = sheet[0] * w[DX + m] + sheet[1] * w[DY + m] + sheet[2] * w[DZ + m]
-                t = -(sheet[0] * w[OX + m] + sheet[1] * w[OY + m] + sheet[2] * w[OZ + m]) / down
-                x, y, z = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m], w[OZ + m] + t * w[DZ + m]
-                w[U + m] = sheet[4] + sheet[5] * x + sheet[6] * y + sheet[7] * z
-                w[V + m] = sheet[8] + sheet[9] * x + sheet[10] * y + sheet[11] * z
-                shallow += 1 - int(abs(down) > sheet[3])
+            centred(patches, w)
+            shallow = from_plane(patches, w)
             if shallow > 0:
                 for m in range(BLOCK):
                     if degenerate == 0:
@@ -185,62 +302,10 @@ def _kernel(powers, parts):
                         state[m] = LOST
                         w[DX + m], w[DY + m], w[DZ + m] = -sheet[0], -sheet[1], -sheet[2]
                 degenerate += shallow
-            # Two directions across the ray: of the axes that are not nearest to it, and of the cross product with that.
-            for m in range(BLOCK):
-                dx, dy, dz = w[DX + m], w[DY + m], w[DZ + m]
-                to_z = abs(dz) < 0.9
-                ax, ay, az = (dy, -dx, 0.0) if to_z else (0.0, dz, -dy)
-                length = np.sqrt(ax * ax + ay * ay + az * az)
-                ax, ay, az = ax / length, ay / length, az / length
-                w[AX + m], w[AY + m], w[AZ + m] = ax, ay, az
-                w[BX + m], w[BY + m], w[BZ + m] = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
-                w[LAST + m] = np.inf
-                w[U + m] = clamp(w[U + m], u_min - beyond_u, u_max + beyond_u)
-                w[V + m] = clamp(w[V + m], v_min - beyond_v, v_max + beyond_v)
-            for step in range(MAX_STEPS):
-                _surface(powers, parts, cells, w)
-                moving = 0
-                for m in range(BLOCK):
-                    x, y, z = w[sx + m] - w[OX + m], w[sy + m] - w[OY + m], w[sz + m] - w[OZ + m]
-                    f = w[AX + m] * x + w[AY + m] * y + w[AZ + m] * z
-                    g = w[BX + m] * x + w[BY + m] * y + w[BZ + m] * z
-                    miss = np.sqrt(f * f + g * g)
-                    settled = (miss <= w[LIMIT_P + m]) \
-                        | ((miss <= ACCEPTED * w[LIMIT_P + m]) & (miss >= 0.5 * w[LAST + m]))
-                    w[LAST + m] = miss
-                    w[NX + m], w[NY + m] = f, g
-                    moving += 1 - int(settled)
-                if moving == 0 or step == MAX_STEPS - 1:
-                    break
-                for m in range(BLOCK):
-                    ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
-                    vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
-                    fu = w[AX + m] * ux + w[AY + m] * uy + w[AZ + m] * uz
-                    fv = w[AX + m] * vx + w[AY + m] * vy + w[AZ + m] * vz
-                    gu = w[BX + m] * ux + w[BY + m] * uy + w[BZ + m] * uz
-                    gv = w[BX + m] * vx + w[BY + m] * vy + w[BZ + m] * vz
-                    inverse = 1.0 / (fu * gv - fv * gu)
-                    u = w[U + m] - (w[NX + m] * gv - w[NY + m] * fv) * inverse
-                    v = w[V + m] - (w[NY + m] * fu - w[NX + m] * gu) * inverse
-                    u += turn_u * (1.0 if u < u_min else 0.0) - turn_u * (1.0 if u > u_max else 0.0)
-                    v += turn_v * (1.0 if v < v_min else 0.0) - turn_v * (1.0 if v > v_max else 0.0)
-                    w[U + m] = clamp(u, u_min - beyond_u, u_max + beyond_u)
-                    w[V + m] = clamp(v, v_min - beyond_v, v_max + beyond_v)
-            good = 0
-            for m in range(BLOCK):
-                x, y, z = w[sx + m], w[sy + m], w[sz + m]
-                ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
-                vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
-                nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-                length = np.sqrt(nx * nx + ny * ny + nz * nz)
-                facing = sign * (nx * w[DX + m] + ny * w[DY + m] + nz * w[DZ + m])
-                turn = sign / length if facing <= 0.0 else -sign / length
-                w[NX + m], w[NY + m], w[NZ + m] = nx * turn, ny * turn, nz * turn
-                w[T + m] = (x - w[OX + m]) * w[DX + m] + (y - w[OY + m]) * w[DY + m] + (z - w[OZ + m]) * w[DZ + m]
-                w[X + m], w[Y + m], w[Z + m] = x + centre[0], y + centre[1], z + centre[2]
-                w[MISS + m] = facing
-                good += int((w[LAST + m] <= ACCEPTED * w[LIMIT_P + m]) & (length > 0.0) & (w[T + m] > NEAREST_MM)
-                            & ((facing < 0.0) | (not one_sided)))
+            across(w)
+            kept_near(patches, w)
+            refined(powers, parts, patches, w)
+            good = met(patches, sign, one_sided, w)
             u_low, u_high, v_low, v_high = box(w, U, V)
             reflect(w)
             if good == BLOCK and degenerate == 0 and count == BLOCK \

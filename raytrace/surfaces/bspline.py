@@ -153,9 +153,9 @@ class BSplineFace(BoundedFace):
         """Without a search where a ray can meet it only once; what that leaves, with one. See `OpticalSurface`."""
         field, strips = self.height_field, self.trimming.strips
         if field is not None:
-            _run(partial(height_field.hits, field, strips), rays, out)
+            run(partial(height_field.hits, field, strips), rays, out)
         elif len(self.patches.sheet):
-            _run(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out)
+            run(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out)
         else:
             out.status[:] = LOST
         for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
@@ -166,7 +166,7 @@ class BSplineFace(BoundedFace):
         found = Trace.empty(len(rays))
         field = self.height_field
         if field is not None:
-            _run(partial(height_field_search.first_hits, field, self.trimming.strips, self.one_sided), rays, found)
+            run(partial(height_field_search.first_hits, field, self.trimming.strips, self.one_sided), rays, found)
             return found
         search_pieces(self.pieces, rays, found)
         return found
@@ -349,7 +349,7 @@ def search_pieces(pieces: Pieces, rays: Rays, found: Trace, begun: bool = False)
     first_hits(pieces, rays.origins.ravel(), units.ravel(), valid, found.flat)
 
 
-def _run(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace) -> None:
+def run(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace) -> None:
     """A kernel on all cores: of each run of rays it gets the origins, the directions and the results, flat."""
     origins, directions, results = rays.origins.ravel(), rays.directions.ravel(), out.flat
 

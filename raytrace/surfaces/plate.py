@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
+from raytrace.kernels import glass
+from raytrace.kernels.glass import Sheets
 from raytrace.rays import Index, Mask, Rays, Status, Trace
 from raytrace.surfaces.base import AreaSamples, Box, OpticalSurface, RigidMotion, no_inset, no_transition
-from raytrace.surfaces.bspline import BSplineFace
+from raytrace.surfaces.bspline import BSplineFace, run
 from raytrace.surfaces.faces import Face
 from raytrace.surfaces.rim import Curve
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Rays inside the glass are started this far before the face they leave, as a share of the faces' size: what they meet is
-# found on a coarse mesh first, whose chords may lie behind the start where the glass is thin.
+# Rays inside the glass that are taken face by face are started this far before the face they leave, as a share of the faces'
+# size: what they meet lies behind the start, however thin the glass and whatever rounding does.
 RUN_UP = 0.01
 MAX_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
 # The path is found when a step moves its place on the front by less: rounding of coordinates of some 100 mm.
@@ -89,6 +91,29 @@ class Plate(OpticalSurface):
         leaves elsewhere than by the front (the sides are black), or is totally reflected there. A ray that leaves by one
         side and comes in again by another counts as one that stayed inside.
         """
+        sheets = self._sheets
+        if sheets is None:
+            self.face_by_face(rays, out)
+            return
+        run(partial(glass.hits, sheets), rays, out)
+        for part, some in rays.in_parts(np.flatnonzero(out.status == Status.LOST)):
+            found = Trace.empty(len(some))
+            self.face_by_face(some, found)
+            out.scatter(part, found)
+
+    @cached_property
+    def _sheets(self) -> Sheets | None:
+        """The plate as one kernel takes it; None where its faces are not a sheet S(u, v) before a sheet z(x, y)."""
+        front, back = self.front, self.back
+        if not (isinstance(front, BSplineFace) and isinstance(back, BSplineFace)) or back.height_field is None \
+                or front.surface.weights is not None or not len(front.patches.sheet) \
+                or front.patches.cells.powers != back.height_field.cells.powers:
+            return None
+        return Sheets(front.patches, front.trimming.strips, front.sign, front.one_sided, back.height_field,
+                      back.trimming.strips, self.index)
+
+    def face_by_face(self, rays: Rays, out: Trace) -> None:
+        """The same for any faces: all rays to one, then those that are left to the next."""
         self.front.first_hits(rays, out)
         inside = np.flatnonzero(out.status == Status.REFLECTED)
         units = rays.directions[inside] / np.linalg.norm(rays.directions[inside], axis=1, keepdims=True)
