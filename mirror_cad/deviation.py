@@ -24,6 +24,7 @@ from mirror_cad.surfaces.differential import (
     shape_operator,
     shape_operator_of_sag,
 )
+from mirror_cad.vectors import lengths
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -423,7 +424,7 @@ def _of_sag(sag: Sag, grid: Grid) -> SurfaceState:
     d = SagDerivatives(*(np.concatenate([np.broadcast_to(a, grid.inside.shape)[grid.inside], b])
                          for a, b in zip(cells, edge, strict=True)))
     normal = np.stack([-d.zx, -d.zy, np.ones_like(d.z)], axis=-1)
-    return SurfaceState(shape_operator_of_sag(d), d.z, normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+    return SurfaceState(shape_operator_of_sag(d), d.z, normal / lengths(normal)[..., None])
 
 
 def _of_surface(surface: BSplineSurface, grid: Grid) -> SurfaceState:
@@ -438,7 +439,7 @@ def _deviation(after: SurfaceState, before: SurfaceState, designed: ShapeOperato
     sag = after.height - before.height
     highest = index_of_largest(np.abs(sag), grid)
     # |n − m| = 2·sin(angle/2): arccos of n·m would lose the small angles that matter here.
-    chord = np.linalg.norm(after.normal - before.normal, axis=-1)
+    chord = lengths(after.normal - before.normal)
     steepest = index_of_largest(chord, grid)
     return StageDeviation(
         k1, k2, kx, ky, twist, _shape(after.shape.minus(before.shape), rms, grid),

@@ -9,6 +9,7 @@ import numpy as np
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline
 from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_cad.vectors import lengths
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ def stl_deviation(mesh: SurfaceMesh, surface: BSplineSurface, outline: Outline) 
     u = np.clip(mesh.vertices[:, 0], x_min, x_max)
     v = np.clip(mesh.vertices[:, 1], y_min, y_max)
     size = float(np.abs(mesh.vertices).max())
-    off = np.linalg.norm(surface.evaluate(u, v) - mesh.vertices, axis=1)
+    off = lengths(surface.evaluate(u, v) - mesh.vertices)
     on_surface = off <= 1e-5 + 4.0 * size * float(np.finfo(np.float32).eps)
     # A sliver of the rim can have all corners on the edge: the optical side is the one that looks at the driver.
     optical = on_surface[mesh.faces].all(axis=1) & (mesh.facet_normals()[:, 2] > 0.1)
@@ -66,6 +67,6 @@ def stl_deviation(mesh: SurfaceMesh, surface: BSplineSurface, outline: Outline) 
     normal = np.stack([-z_x, -z_y, np.ones_like(z)], axis=1) / np.sqrt(1.0 + z_x**2 + z_y**2)[:, None]
     height = (points[:, 2] - z) * normal[:, 2]  # vertical miss times cos of the slope: the distance to first order
     at_middle = normal[: len(facets)]
-    chord = np.linalg.norm(mesh.facet_normals()[optical] - at_middle, axis=1)
+    chord = lengths(mesh.facet_normals()[optical] - at_middle)
     return MeshDeviation(float(np.abs(height).max()), float(np.degrees(2.0 * np.arcsin(0.5 * np.minimum(chord.max(), 2.0)))),
                          int(optical.sum()))

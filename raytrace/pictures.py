@@ -91,9 +91,11 @@ def decoded(data: bytes, name: str, as_stored: bool = False) -> Decoded:
 
 
 def _upright(picture: Pillow) -> Pillow:
-    from PIL import ImageOps
+    from PIL import ExifTags, ImageOps
 
     try:
+        if picture.getexif().get(ExifTags.Base.Orientation, 1) == 1:  # of which Pillow would make a copy
+            return picture
         return ImageOps.exif_transpose(picture)
     except Exception:  # damaged tags say nothing of a picture that is whole
         return picture
@@ -119,7 +121,7 @@ def _in_srgb(picture: Pillow, profile: bytes | None) -> Pillow:
     if picture.mode not in ("RGB", "L", "CMYK", "LAB"):
         picture = picture.convert("RGB")
     if not profile:
-        return picture.convert("RGB")
+        return picture if picture.mode == "RGB" else picture.convert("RGB")
     try:
         own = ImageCms.ImageCmsProfile(io.BytesIO(profile))
         space = own.profile.xcolor_space.strip()

@@ -17,6 +17,7 @@ from mirror_cad.surfaces.differential import (
     shape_operator,
     shape_operator_of_sag,
 )
+from mirror_cad.vectors import cross, lengths
 from mirror_studio.as_json import deviation_as_json
 from tests.conftest import PAPER_MIRRORS, constant, designed, spec_of
 
@@ -243,3 +244,10 @@ def zones_design_meets_the_tolerances(right: float, left: float, top: float, bot
     mirror = mirror_cad.design(spec_of({"law": "zones", "right_mm": right, "left_mm": left, "blend_from": start},
                                        {"law": "linear", "right_mm": top, "left_mm": bottom}))
     assert mirror.fit.met, mirror.fit
+
+
+def test_lengths_and_cross_products_are_numpy_s_to_the_bit() -> None:
+    a, b = np.random.default_rng(8).normal(size=(2, 40, 7, 3)) * 10.0 ** np.arange(-140.0, 140.0, 7.0)[:, None, None]
+    assert np.array_equal(lengths(a), np.linalg.norm(a, axis=-1))
+    assert np.array_equal(cross(a, b), np.cross(a, b))
+    assert np.array_equal(cross(a, b[0, 0]), np.cross(a, b[0, 0]))

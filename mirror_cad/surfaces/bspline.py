@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import SurfaceError
 from mirror_cad.surfaces.differential import principal_curvatures
+from mirror_cad.vectors import lengths
 
 Array = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ class BSplineSurface:
         self._check_height_field("normal")
         _, z_x, z_y = self.heights(x, y)
         n = np.stack([-z_x, -z_y, np.ones_like(z_x)], axis=-1)
-        return n / np.linalg.norm(n, axis=-1, keepdims=True)
+        return n / lengths(n)[..., None]
 
     def principal_curvatures(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Evaluate the principal curvatures at (x, y), the eigenvalues of the shape operator.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import SurfaceError
+from mirror_cad.vectors import cross, lengths
 
 if TYPE_CHECKING:
     from mirror_cad.sections import SagDerivatives
@@ -63,13 +64,13 @@ def normals(s_u: Array, s_v: Array) -> Array:
     SurfaceError
         Where |S_u × S_v| vanishes.
     """
-    cross = np.cross(s_u, s_v)
-    length = np.linalg.norm(cross, axis=-1)
-    size = np.linalg.norm(s_u, axis=-1) * np.linalg.norm(s_v, axis=-1)
+    across = cross(s_u, s_v)
+    length = lengths(across)
+    size = lengths(s_u) * lengths(s_v)
     flat = ~(length > DEGENERATE * size)
     if flat.any():
         raise SurfaceError(f"the surface has no normal at {int(flat.sum())} of {flat.size} points: S_u × S_v vanishes")
-    result: Array = cross / length[..., None]
+    result: Array = across / length[..., None]
     return result
 
 
@@ -93,8 +94,8 @@ def shape_operator(derivatives: dict[str, Array]) -> ShapeOperator:
     s_u, s_v = derivatives["u"], derivatives["v"]
     normal = normals(s_u, s_v)
     e2 = np.stack([np.zeros_like(normal[..., 0]), normal[..., 2], -normal[..., 1]], axis=-1)  # N × x
-    e2 /= np.linalg.norm(e2, axis=-1, keepdims=True)
-    e1 = np.cross(e2, normal)
+    e2 /= lengths(e2)[..., None]
+    e1 = cross(e2, normal)
     first = [_dot(s_u, s_u), _dot(s_u, s_v), _dot(s_v, s_v)]
     second = [_dot(derivatives[key], normal) for key in ("uu", "uv", "vv")]
     determinant = first[0] * first[2] - first[1] ** 2

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.vectors import lengths
 from raytrace.image import landing_points
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
@@ -58,12 +59,12 @@ def reflected_difference(a: Reflector, b: Reflector, eye: Array, z_mm: float, bo
     directions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - eye
     traces = [reflect(reflector, eye, directions) for reflector in (a, b)]
     both = (traces[0].status == Status.REFLECTED) & (traces[1].status == Status.REFLECTED)
-    apart = np.linalg.norm(np.subtract(*(landing_points(trace, z_mm)[both] for trace in traces)), axis=1)
+    apart = lengths(np.subtract(*(landing_points(trace, z_mm)[both] for trace in traces)))
     lands = np.isfinite(apart)
     if not lands.any():
         return ReflectedDifference(0)
     # 2·asin(|a − b|/2) keeps the digits of small angles.
-    chord = np.linalg.norm(traces[0].directions[both][lands] - traces[1].directions[both][lands], axis=1)
+    chord = lengths(traces[0].directions[both][lands] - traces[1].directions[both][lands])
     turn = 2.0 * np.arcsin(0.5 * np.minimum(chord, 2.0)) * ARCMIN
     return ReflectedDifference(int(lands.sum()), float(turn.max()), _rms(turn), float(apart[lands].max()), _rms(apart[lands]))
 
