@@ -31,12 +31,29 @@ def _swept(points, directions, following, axis, height, values, least_height, wr
         near += points[k, axis] / n
         above += abs(points[k, 2] - height) / n
     above = max(above, least_height)
-    for k in range(n):
-        over = (near - points[k, axis]) * directions[k, 2] - (height - points[k, 2]) * directions[k, axis]
-        angle[k] = np.arctan2(-above * directions[k, 2], over)
     for j in range(m):
         wanted[j] = np.arctan2(above, values[m - 1 - j] - near)
     total = 0
+    if m == 1:  # on which side of the line each ray passes says as much, and takes no arctangent
+        along, across = values[0] - near, above
+        for k in range(n):
+            over = (near - points[k, axis]) * directions[k, 2] - (height - points[k, 2]) * directions[k, axis]
+            angle[k] = -above * directions[k, 2] * along - over * across
+        for k in range(n):
+            p = following[k]
+            first[k], count[k] = 0, 0
+            if (angle[k] > 0.0) != (angle[p] > 0.0):
+                turns = 0.0
+                for v, sign in ((k, -1.0), (p, 1.0)):
+                    over = (near - points[v, axis]) * directions[v, 2] - (height - points[v, 2]) * directions[v, axis]
+                    turns += sign * np.arctan2(angle[v], over * along - above * directions[v, 2] * across)
+                if abs(turns) < wrap:
+                    count[k] = 1
+                    total += 1
+        return total
+    for k in range(n):
+        over = (near - points[k, axis]) * directions[k, 2] - (height - points[k, 2]) * directions[k, axis]
+        angle[k] = np.arctan2(-above * directions[k, 2], over)
     for k in range(n):
         here, after = angle[k], angle[following[k]]
         first[k], count[k] = 0, 0

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels.outlines import longest_rectangle
 from raytrace.measures.asked import NearLane
 from raytrace.measures.in_use import MM_PER_M, MirrorInUse, metres
 from raytrace.measures.registry import Measure, register, register_family
@@ -180,34 +181,10 @@ def hidden_car(zones: tuple[BlindZone, ...], lane: NearLane, length_mm: float = 
     room = lane.y_max_mm - lane.y_min_mm - width_mm
     longest = 0.0
     if room >= 0.0:
-        for low in lane.y_min_mm + np.linspace(0.0, room, int(room / ASIDE_MM) + 2):
-            longest = max(longest, _longest(spans, lane, first.x_mm, low, low + width_mm))
+        starts = lane.y_min_mm + np.linspace(0.0, room, int(room / ASIDE_MM) + 2)
+        longest = longest_rectangle(spans.row, spans.low, spans.high, first.x_mm, lane.y_min_mm, lane.y_max_mm, starts,
+                                    width_mm)
     return HiddenCar(length_mm, width_mm, longest >= length_mm, longest)
-
-
-def _longest(spans: IntervalSet, lane: NearLane, x: Array, low: float, high: float) -> float:
-    """How long the longest rectangle low ≤ Y ≤ high is that lies in the intervals."""
-    # By how much the best interval of each line is wider than the rectangle, at its tighter end; the lane's own edge is none.
-    below = np.where(spans.low > lane.y_min_mm, low - spans.low, np.inf)
-    above = np.where(spans.high < lane.y_max_mm, spans.high - high, np.inf)
-    spare = np.full(len(x), -np.inf)
-    np.maximum.at(spare, spans.row, np.minimum(below, above))
-    inside = np.flatnonzero(spare >= 0.0)
-    if inside.size == 0:
-        return 0.0
-    breaks = np.flatnonzero(np.diff(inside) > 1)
-    begin, end = inside[np.append(0, breaks + 1)], inside[np.append(breaks, len(inside) - 1)]
-    return float(np.max(_reach(spare, x, end, 1) - _reach(spare, x, begin, -1)))
-
-
-def _reach(spare: Array, x: Array, line: NDArray[np.intp], step: int) -> Array:
-    """Where beyond lines the spare width becomes 0, between them and the next; at them where that is not to be told."""
-    beyond = np.clip(line + step, 0, len(x) - 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = spare[line] / (spare[line] - spare[beyond])
-    told = np.isfinite(spare[line]) & np.isfinite(spare[beyond]) & (spare[beyond] < 0.0)
-    result: Array = x[line] + np.where(told, share, 0.0) * (x[beyond] - x[line])
-    return result
 
 
 def _blind(left: View, right: View, host: HostVehicle | None, axis: Axis, values: Array, height_mm: float,

@@ -101,6 +101,10 @@ class BSplineFace(BoundedFace):
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Points (…, 3), mm, at parameters that may lie beside the sheet by rounding."""
+        sheet = self.sheet
+        if sheet is not None:  # its cells are some times as fast
+            at_u, at_v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+            return surface_points(sheet, np.stack([at_u.ravel(), at_v.ravel()], axis=1))[:, :3].reshape(*at_u.shape, 3)
         u_min, u_max, v_min, v_max = self.surface.domain
         return self.surface.evaluate(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
 
@@ -134,7 +138,9 @@ class BSplineFace(BoundedFace):
     @cached_property
     def _untrimmed(self) -> BSplineFace:
         u_min, u_max, v_min, v_max = self.surface.domain
-        return replace(self, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))
+        found = replace(self, loops=(np.array([[u_min, v_min], [u_max, v_min], [u_max, v_max], [u_min, v_max]]),))
+        vars(found)["height_field"] = self.height_field  # of the same surface
+        return found
 
     @cached_property
     def pieces(self) -> Pieces:

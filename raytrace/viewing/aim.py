@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import TraceError
+from raytrace.kernels import eye_rays
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.roots import roots
@@ -93,24 +94,24 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
                          f"horizon_share = {wanted.horizon:g} lie")
     _refuse_eye(pose, eye, places[1], 0.5 * max(x_max - x_min, y_max - y_min))
 
-    def off(turn: Array) -> Array:
-        turned = replace(pose, yaw=float(turn[0]), pitch=float(turn[1]))
+    def off(turns: Array) -> Array:
+        """What is off (m, 2), radians, at turns (m, 2)."""
+        turned = [replace(pose, yaw=yaw, pitch=pitch) for yaw, pitch in turns.tolist()]
         beside, rise = _past_edge_and_rise(reflector.untrimmed, turned, eye, edge, places)
-        return np.array([beside[0], rise[1]])
+        return np.stack([beside[:, 0], rise[:, 1]], axis=1)
 
+    around = TILT * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     turn = _straight_back(reflector, pose, eye, places[1])
+    found = off(turn + around)
     for _ in range(MAX_STEPS):
-        now = off(turn)
-        if not np.isfinite(now).all():
-            break
-        slopes = np.stack([off(turn + shift) - off(turn - shift) for shift in TILT * np.eye(2)], axis=1) / (2.0 * TILT)
-        if not np.isfinite(slopes).all() or np.linalg.det(slopes) == 0.0:
+        now, slopes = found[0], ((found[1::2] - found[2::2]) / (2.0 * TILT)).T
+        if not np.isfinite(found).all() or np.linalg.det(slopes) == 0.0:
             break
         step = -np.linalg.solve(slopes, now)
         if np.abs(now).max() <= SOLVED:  # and one step more, to rounding: no figure is to hang on where Newton ends
             return replace(pose, yaw=float(turn[0] + step[0]), pitch=float(turn[1] + step[1]))
         step *= min(1.0, LONGEST_STEP / np.abs(step).max())
-        while not np.isfinite(off(turn + step)).all() and np.abs(step).max() > SOLVED:
+        while not np.isfinite((found := off(turn + step + around))[0]).all() and np.abs(step).max() > SOLVED:
             step *= 0.5
         turn = turn + step
         if np.abs(turn).max() > MAX_TURN:
@@ -152,27 +153,41 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
 
     def at(x: Array | float, y: Array | float) -> tuple[Array, Array]:
         places = reflector.surface.points_over(*np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
-        return _past_edge_and_rise(reflector.untrimmed, pose, eye, edge, places)
+        past, rise = _past_edge_and_rise(reflector.untrimmed, [pose], eye, edge, places)
+        return past[0], rise[0]
 
     row = _root(lambda y: at(0.5 * (x_min + x_max), y)[1], y_min, y_max)
     column = _root(lambda x: at(x, row)[0], x_min, x_max)
     return Aim((x_max - column) / (x_max - x_min), (row - y_min) / (y_max - y_min))
 
 
-def _past_edge_and_rise(sheet: Reflector, pose: Pose, eye: Array, edge: RearEdge, places: Array) -> tuple[Array, Array]:
-    """How the rays from the eye to points (n, 3) of the surface leave: past the rear edge, in plan, and above the horizon.
+def _past_edge_and_rise(sheet: Reflector, poses: Sequence[Pose], eye: Array, edge: RearEdge, places: Array,
+                        ) -> tuple[Array, Array]:
+    """How the rays from the eye to points (n, 3) of the surface leave in each of m poses: past the rear edge, in plan, and up.
 
-    Two angles, radians, (n,), NaN where a ray is not reflected or goes forward.
+    Two angles, radians, (m, n), NaN where a ray is not reflected or goes forward.
     """
-    at = pose.to_mirror(eye)
-    trace = reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at)
-    points, ways = pose.to_vehicle(trace.points), pose.directions_to_vehicle(trace.directions)
+    m, n = len(poses), len(places)
+    rotations, offsets = np.stack([pose.rotation for pose in poses]), np.stack([pose.offset for pose in poses])
+    eyes = np.einsum("mji,mj->mi", rotations, eye - offsets)
+    field = sheet.surface.sheet
+    if field is not None and (eyes[:, 2] > field.top).all():
+        share = (eyes[:, 2:] / (eyes[:, 2:] - places[:, 2]))[:, :, None]
+        through = eyes[:, None, :2] + (places[:, :2] - eyes[:, None, :2]) * share
+        status, points, ways, _ = eye_rays.trace(field, eye_rays.Posed(eyes, rotations, offsets), through.reshape(-1, 2),
+                                                 np.repeat(np.arange(m), n))
+    else:
+        traces = [reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at) for at in eyes]
+        status = np.concatenate([trace.status for trace in traces])
+        points, ways = (np.concatenate([to(one) for to, one in pairs]) for pairs in (
+            [(pose.to_vehicle, trace.points) for pose, trace in zip(poses, traces, strict=True)],
+            [(pose.directions_to_vehicle, trace.directions) for pose, trace in zip(poses, traces, strict=True)]))
     with np.errstate(invalid="ignore"):
-        seen = (trace.status == Status.REFLECTED) & (ways[:, 0] > 0.0) & (points[:, 0] < edge.x_mm)
+        seen = (status == Status.REFLECTED) & (ways[:, 0] > 0.0) & (points[:, 0] < edge.x_mm)
         to_edge = np.arctan2(edge.y_mm - points[:, 1], edge.x_mm - points[:, 0])
         past = np.arctan2(ways[:, 1], ways[:, 0]) - to_edge
         rise = np.arcsin(ways[:, 2])
-    return np.where(seen, past, np.nan), np.where(seen, rise, np.nan)
+    return np.where(seen, past, np.nan).reshape(m, n), np.where(seen, rise, np.nan).reshape(m, n)
 
 
 def _straight_back(reflector: Reflector, pose: Pose, eye: Array, place: Array) -> Array:

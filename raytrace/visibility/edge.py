@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels import eye_rays
+from raytrace.kernels import loops as kernel_loops
 from raytrace.kernels import sign_changes as kernel
 from raytrace.kernels.eye_rays import Sheet
-from raytrace.kernels.loops import loops
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.roots import SETTLED, roots
@@ -69,7 +69,7 @@ class RayFunction:
 LEVEL = RayFunction.of(direction=np.array([0.0, 0.0, 1.0]))  # above 0 for rays that rise
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Edge:
     """Closed loops of points at which the eye sees the mirror's edge, and what the rays through them do.
 
@@ -139,7 +139,7 @@ class Edge:
 
     def rings(self) -> tuple[Index, ...]:
         """The vertices of each of the loops, in their order."""
-        order, ends = loops(self.following)
+        order, ends = kernel_loops.loops(self.following)
         return tuple(np.split(order, ends))
 
     def along(self, ring: Index, place: Array) -> tuple[Array, TracedRays]:
@@ -155,15 +155,24 @@ class Edge:
             inside[inside] = _shows(self.of, places[inside])
         return places, inside
 
+    @cached_property
+    def extent(self) -> tuple[Array, Array, Array]:
+        """The mean of its places, and from where to where its points reach in X and Y, mm, (2,) each."""
+        return kernel_loops.extent(self.places, self.points)
+
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
-        n = len(self.places)
-        traced = self.view.trace_places(np.add.reduce(self.places)[None] / n)
-        return traced.directions[0] if traced.seen[0] else np.add.reduce(self.directions) / n
+        traced = self.view.trace_places(self.extent[0][None])
+        return self.middle_of(traced.seen[0], traced.directions[0])
+
+    def middle_of(self, seen: bool, direction: Array) -> Array:
+        """`middle`, by whether the eye sees the sheet at `extent[0]`, and what it shows there."""
+        found: Array = direction if seen else np.add.reduce(self.directions) / len(self.places)
+        return found
 
     def shows_more_than_half(self, middle: Array) -> bool:
         """Whether directions may be shown that are opposite to each other; `middle` (3,) as the method of that name has it."""
-        return bool((self.directions @ middle).min() <= 0.0)
+        return bool(kernel_loops.least_along(self.directions, middle) <= 0.0)
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
         """Find where a function of the rays changes its sign along the edge, on exact rays.

@@ -13,6 +13,7 @@ from raytrace.kernels import eye_rays
 from raytrace.kernels import image_points as nearest_kernel
 from raytrace.kernels import sign_changes as signs
 from raytrace.kernels.eye_rays import Posed, Sheet
+from raytrace.rays import Status
 from raytrace.roots import SETTLED
 from raytrace.viewing.view import Mask
 from raytrace.visibility.edge import Edge, RayFunction
@@ -71,7 +72,12 @@ class Edges:
     @cached_property
     def show_more_than_half(self) -> Mask:
         """Whether each may show directions that are opposite to each other, (m,)."""
-        return np.array([len(one.places) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
+        if self.sheet_rim is None:
+            return np.array([len(one.places) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
+        centres = np.stack([one.extent[0] for one in self.edges])
+        status, _, directions, _ = eye_rays.trace(self.sheet_rim[0], self.posed, centres, np.arange(len(self.edges)))
+        return np.array([one.shows_more_than_half(one.middle_of(status[j] == Status.REFLECTED, directions[j]))
+                         for j, one in enumerate(self.edges)])
 
     def settle(self, of: Index, k: Index, function: RayFunction) -> tuple[Array, Array, Array]:
         """Find where functions of rays (n,) vanish between vertices k (n,) and the following ones.

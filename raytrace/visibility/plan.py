@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels import outlines as outlines_kernel
 from raytrace.kernels import plan as kernel
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask
@@ -173,11 +174,13 @@ def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
     -------
     (m,).
     """
-    mirror = edge.points[:, :2]
+    _, low, high = edge.extent
     found = np.zeros(ends.shape[1], dtype=np.bool_)
     for c, (least, most) in enumerate(((host.front_mm, host.rear_mm), (-host.half_width_mm, host.half_width_mm))):
-        found |= (ends[:, :, c] <= least).all(axis=0) & bool((mirror[:, c] <= least).all())
-        found |= (ends[:, :, c] >= most).all(axis=0) & bool((mirror[:, c] >= most).all())
+        if high[c] <= least:
+            found |= (ends[:, :, c] <= least).all(axis=0)
+        if low[c] >= most:
+            found |= (ends[:, :, c] >= most).all(axis=0)
     return found
 
 
@@ -236,49 +239,4 @@ def outlines(spans: IntervalSet, values: Array) -> tuple[Polygon, ...]:
     -------
     Polygons (n, 2) of (value, point on the line), mm.
     """
-    first = np.searchsorted(spans.row, np.arange(len(values) + 1)).tolist()
-    lows, highs, places = spans.low.tolist(), spans.high.tolist(), values.tolist()
-    done: list[tuple[list[tuple[float, float]], list[tuple[float, float]]]] = []
-    growing: dict[int, int] = {}  # interval -> polygon
-    for row in range(len(values)):
-        here = range(first[row], first[row + 1])
-        if len(here) == len(growing) == 1:  # by far the most lines: one interval goes on
-            (j, polygon), k = next(iter(growing.items())), here[0]
-            if lows[j] < highs[k] and highs[j] > lows[k]:
-                _grow(done[polygon], places[row], lows[k], highs[k])
-                growing = {k: polygon}
-                continue
-        overlaps = {k: [j for j in growing if lows[j] < highs[k] and highs[j] > lows[k]] for k in here}
-        followers = {j: [k for k in here if j in overlaps[k]] for j in growing}
-        next_growing = {}
-        for k in here:
-            before = overlaps[k]
-            if len(before) == 1 and len(followers[before[0]]) == 1:
-                polygon = growing[before[0]]
-            else:
-                done.append(([], []))
-                polygon = len(done) - 1
-                if len(before) == 1:  # one of several that one becomes: from its share of that one's end
-                    low, high = _share(spans, followers[before[0]], k, before[0])
-                    _grow(done[polygon], float(values[row - 1]), low, high)
-            for j in before if len(before) > 1 else []:  # several that become one: each to its share of that one's start
-                low, high = _share(spans, before, j, k)
-                _grow(done[growing[j]], float(values[row]), low, high)
-            _grow(done[polygon], float(values[row]), float(spans.low[k]), float(spans.high[k]))
-            next_growing[k] = polygon
-        growing = next_growing
-    return tuple(np.array(low + high[::-1]) for low, high in done if len(low) > 1)
-
-
-def _share(spans: IntervalSet, parts: list[int], part: int, whole: int) -> tuple[float, float]:
-    """What one of several parts gets of an interval that they fill: from and to the middle between it and its neighbours."""
-    parts = sorted(parts, key=lambda k: float(spans.low[k]))
-    k = parts.index(part)
-    low = spans.low[whole] if k == 0 else 0.5 * (spans.high[parts[k - 1]] + spans.low[part])
-    high = spans.high[whole] if k == len(parts) - 1 else 0.5 * (spans.high[part] + spans.low[parts[k + 1]])
-    return float(low), float(high)
-
-
-def _grow(polygon: tuple[list[tuple[float, float]], list[tuple[float, float]]], value: float, low: float, high: float) -> None:
-    polygon[0].append((value, low))
-    polygon[1].append((value, high))
+    return tuple(outlines_kernel.outlines(spans.row, spans.low, spans.high, values))
