@@ -207,7 +207,8 @@ def _design_from_view(spec: MirrorSpec, target: Target, outline: Outline, read_n
     began = time.perf_counter()
     if target.convex:
         check_convex(view, eyes, outline, "target.azimuth_deg and elevation_deg")
-    found = surface_from_view(view, eyes, outline, domain, spec.surface.degree, spec.surface.spans)
+    weight = None if target.weight is None else target.weight.map()
+    found = surface_from_view(view, eyes, outline, domain, spec.surface.degree, spec.surface.spans, weight=weight)
     surface = found.surface
     sag = SplineSag(surface)
     if target.convex:

@@ -147,6 +147,26 @@ class TableView:
         return Tangents(tangent[..., 0], tangent[..., 1], by_x[..., 0], by_y[..., 0], by_x[..., 1], by_y[..., 1])
 
 
+@dataclass(frozen=True, eq=False)
+class WeightMap:
+    """How much each place of a mirror counts: known at the nodes of a grid, linear between them, held at its ends beyond.
+
+    x (m,), y (n,) mm, rising.   weight (m, n), none below 0; only their ratios matter.
+    """
+
+    x: Array
+    y: Array
+    weight: Array
+
+    def __call__(self, x: Array, y: Array) -> Array:
+        """Compute the weight at places (…), mm, of one shape."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        at = np.stack([np.clip(x, self.x[0], self.x[-1]), np.clip(y, self.y[0], self.y[-1])], axis=-1)
+        found: Array = RegularGridInterpolator((self.x, self.y), self.weight)(at)
+        return found
+
+
 def wanted_directions(view: WantedView, x: Array, y: Array) -> Array:
     """Compute the wanted unit directions where eye rays cross z = 0 at (x, y).
 

@@ -137,12 +137,15 @@ def test_toml_on_the_pages_is_accepted(page: str, tmp_path: Path) -> None:
     from mirror_studio.scene_file import load_scene
 
     laws = {name: {"law": "constant", "radius_mm": 1200.0} for name in ("horizontal", "vertical")}
+    nodes = [f"{x},{y},{0.2 * x},{0.1 * y},1" for x in (-100, 100) for y in (-150, 150)]
+    for name in ("view.csv", "weight.csv"):
+        (tmp_path / name).write_text("\n".join(["x_mm,y_mm,azimuth_deg,elevation_deg,weight", *nodes]), encoding="utf-8")
     for block in re.findall(r"```toml\n(.*?)```", (HOME / "docs" / page).read_text("utf-8"), re.DOTALL):
         if "[own_vehicle]" in block:
             (tmp_path / "scene.toml").write_text(block, encoding="utf-8")
             load_scene(tmp_path / "scene.toml")
         else:
-            validate_spec({"name": "page", **laws, **tomllib.loads(block)})
+            validate_spec({"name": "page", **laws, **tomllib.loads(block)}, "page", tmp_path)
 
 
 @pytest.mark.long

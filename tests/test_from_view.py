@@ -19,7 +19,7 @@ from mirror_cad.mirror import Mirror
 from mirror_cad.outline import Outline, truck_outline
 from mirror_cad.spec.file import spec_as_json, validate_spec
 from mirror_cad.surfaces.from_view import reflected, surface_from_view
-from mirror_cad.wanted_view import Tangents, wanted_directions
+from mirror_cad.wanted_view import Tangents, WeightMap, on_plane, wanted_directions
 from mirror_studio.as_json import deviation_as_json
 from mirror_studio.build.wanted import target_figures
 from raytrace.reflector import Reflector
@@ -154,6 +154,133 @@ def test_a_table_of_what_a_sphere_shows_gives_the_sphere(truck: Outline) -> None
     assert np.abs(mirror.surface.sag(grid.x, grid.y) - Sphere(950.0)(grid.x, grid.y)[0]).max() <= 1e-5
     assert mirror.from_view is not None
     assert mirror.from_view.settled
+
+
+def table_file(path: Path, x: Array, y: Array, header: str, *values: Array) -> None:
+    """A row for each node, in no order, with decimal commas and a column that is nobody's."""
+    rows = [(x[i], y[j], *(one[j, i] for one in values)) for j in range(len(y)) for i in range(len(x))]
+    np.random.default_rng(3).shuffle(rows)
+    lines = [";".join([*(repr(float(cell)).replace(".", ",") for cell in row), "7"]) for row in rows]
+    path.write_text("\n".join(["# drawn by hand", f"{header};note", *lines]), encoding="utf-8")
+
+
+def test_a_table_and_a_weight_from_files_are_those_that_stand_in_the_specification(tmp_path: Path) -> None:
+    x, y = np.linspace(-130.0, 130.0, 6), np.linspace(-180.0, 180.0, 4)
+    azimuth, elevation, weight = np.random.default_rng(2).uniform(0.0, 20.0, (3, 4, 6))
+    table_file(tmp_path / "view.csv", x, y, "x [mm];y [mm];azimuth [deg];elevation (°)", azimuth, elevation)
+    table_file(tmp_path / "weight.csv", x / 1000.0, y / 1000.0, "x_m;y_m;weight", weight)
+    inline = {"projection": "table", "x_mm": x, "y_mm": y, "azimuth_deg": azimuth, "elevation_deg": elevation, "eye": "both",
+              "weight": {"x_mm": x, "y_mm": y, "weight": weight}}
+    filed = {"projection": "table", "file": "view.csv", "eye": "both", "weight": {"file": "weight.csv"}}
+    one, other = (validate_spec({"name": "t", "surface": {"method": "view"}, "target": target}, "t", tmp_path).target
+                  for target in (inline, filed))
+    assert one is not None
+    assert other is not None
+    assert one.model_dump(exclude={"weight"}) == other.model_dump(exclude={"weight"})
+    assert one.weight is not None
+    assert other.weight is not None
+    assert one.weight.weight == other.weight.weight
+    assert other.weight.x_mm == pytest.approx(one.weight.x_mm, rel=1e-15)  # metres, written in decimals
+    profile = {"projection": "profile", "x_mm": [-120.0, 0.0, 120.0], "azimuth_deg": [-30.0, 0.0, 9.0],
+               "elevation_deg": [-26.0, 26.0]}
+    (tmp_path / "line.csv").write_text("azimuth_deg\tx_mm\n9\t120\n-30\t-120\n0\t0\n", encoding="utf-8")
+    filed = {key: profile[key] for key in ("projection", "elevation_deg")} | {"file": "line.csv"}
+    one, other = (validate_spec({"name": "t", "surface": {"method": "view"}, "target": target}, "t", tmp_path)
+                  for target in (profile, filed))
+    assert one == other
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("x_mm,y_mm,azimuth_deg\n0,0,1", r"target: file = .*has no column elevation_deg: its first line must name x_mm, y_mm"),
+    ("x_mm,y_mm,azimut_deg,elevation_deg\n0,0,1,1", r"has no column azimuth_deg \(is it 'azimut_deg'\?\)"),
+    ("x_mm,y_mm,azimuth_deg,elevation_deg", r"has no rows of numbers"),
+    ("x_mm,y_mm,azimuth_deg,elevation_deg\n0,0,1,1\n0,0,1,2", r"gives the node x = 0, y = 0 mm twice, in rows 1 and 2"),
+    ("x_mm,y_mm,azimuth_deg,elevation_deg\n0,0,1,1\n1,1,1,2", r"no row for the node x = 1, y = 0 mm: its 2 places x and 2 "),
+    ("x_mm,y_mm,azimuth_deg,elevation_deg\n0,0,1,one", r"line 2: 'one' in '0,0,1,one' is no number"),
+    ("x_mm,y_mm,azimuth_deg,elevation_deg\n0,0,1,nan\n1,0,1,1\n0,1,1,1\n1,1,1,1", r"row 1, entry 1 is nan"),
+    ("x_mm,y_mm,azimuth_deg,elevation_deg\n0,0,95,1\n1,0,1,1\n0,1,1,1\n1,1,1,1", r"row 1, entry 1 is 95°.*behind the mirror"),
+])
+def test_bad_files_of_a_target_are_named(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "view.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(mirror_cad.SpecError, match=said) as caught:
+        validate_spec({"name": "t", "surface": {"method": "view"}, "target": {"projection": "table", "file": "view.csv"}}, "t",
+                      tmp_path)
+    assert len(caught.value.faults) == 1
+
+
+def weighted(weight: dict[str, Any] | None, spans: tuple[int, int] = (8, 6)) -> Mirror:
+    return made(CONTRACT | ({} if weight is None else {"weight": weight}), surface={"spans": list(spans)})
+
+
+def missed_by(mirror: Mirror, weight: Any) -> float:
+    """Weighted RMS angle between wanted and shown, arc minutes, by the surface's own slopes."""
+    grid = Grid.over(mirror.outline)
+    z, z_x, z_y = mirror.surface.heights(grid.x, grid.y)
+    points = np.stack([grid.x, grid.y, z], axis=-1)
+    eye = eyes_of(mirror.spec, mirror.box)[0]
+    assert mirror.spec.target is not None
+    wanted = wanted_directions(mirror.spec.target.view(mirror.box), *on_plane(eye, points))
+    angle = 2.0 * np.arcsin(0.5 * np.linalg.norm(reflected(eye, points, z_x, z_y).direction - wanted, axis=-1))
+    return float(np.degrees(np.sqrt(np.average(angle**2, weights=grid.weights * weight(grid.x, grid.y))))) * 60.0
+
+
+def test_what_weighs_more_is_missed_by_less() -> None:
+    """Each of two mirrors is the best of the two by its own weights; equal weights are none; only ratios count."""
+    x, y = [-115.0, 0.0, 115.0], [-170.0, 170.0]
+    rows = [[10.0, 1.0, 0.1], [5.0, 1.0, 0.2]]
+    plain, heavy = weighted(None), weighted({"x_mm": x, "y_mm": y, "weight": rows})
+    assert heavy.spec.target is not None
+    assert heavy.spec.target.weight is not None
+    by_weight = heavy.spec.target.weight.map()
+    assert missed_by(heavy, by_weight) < 0.97 * missed_by(plain, by_weight)
+    assert missed_by(plain, lambda x, _: np.ones_like(x)) < 0.97 * missed_by(heavy, lambda x, _: np.ones_like(x))
+    assert heavy.from_view is not None
+    assert plain.from_view is not None
+    # Gauss's points and the grid cut the cells at the rim differently, where most is missed: without weights as with them.
+    apart = missed_by(plain, lambda x, _: np.ones_like(x)) / plain.from_view.levels[-1].rms_arcmin
+    assert heavy.from_view.levels[-1].rms_arcmin * apart == pytest.approx(missed_by(heavy, by_weight), rel=1e-2)
+    assert apart == pytest.approx(1.0, abs=1e-2)
+    figures = target_figures(heavy, Reflector.from_mirror(heavy).untrimmed.surface)
+    assert figures is not None
+    assert figures.weighted_rms_arcmin == pytest.approx(missed_by(heavy, by_weight), rel=1e-9)
+    assert figures.rms_arcmin > figures.weighted_rms_arcmin
+    grid = Grid.over(plain.outline)
+    same = weighted({"x_mm": x, "y_mm": y, "weight": [[3.0] * 3] * 2})
+    assert np.abs(same.surface.sag(grid.x, grid.y) - plain.surface.sag(grid.x, grid.y)).max() < 1e-9  # mm: SETTLED_MM
+    ratios = weighted({"x_mm": x, "y_mm": y, "weight": (1e3 * np.array(rows)).tolist()})
+    assert np.abs(ratios.surface.sag(grid.x, grid.y) - heavy.surface.sag(grid.x, grid.y)).max() < 1e-9
+
+
+def test_of_a_view_that_a_sphere_shows_what_weighs_nothing_may_be_anything(truck: Outline) -> None:
+    """A table that is a sphere's to the left of the middle and nonsense to the right, which does not count."""
+    sphere, eye = Sphere(950.0), EYE
+
+    class Half(Shown):
+        def tangents(self, x: Array, y: Array) -> Tangents:
+            found = super().tangents(x, y)
+            return found._replace(x=np.where(x > 20.0, found.x + 0.3 * np.sin(x), found.x))
+
+    weight = WeightMap(np.array([-10.0, 10.0]), np.array([-1.0, 1.0]), np.array([[1.0, 1.0], [0.0, 0.0]]))
+    found = surface_from_view(Half(sphere, eye), [eye], truck, DOMAIN, 5, (14, 10), weight=weight)
+    grid = Grid.over(truck)
+    left = grid.x < -30.0
+    assert np.abs(found.surface.sag(grid.x, grid.y) - sphere(grid.x, grid.y)[0])[left].max() <= 1e-6
+    assert found.settled
+
+
+@pytest.mark.parametrize(("weight", "said"), [
+    ({"x_mm": [0.0, 1.0], "y_mm": [0.0, 1.0], "weight": [[1.0, -1.0], [0.0, 1.0]]}, r"row 1, entry 2 is -1: a weight is 0 or"),
+    ({"x_mm": [0.0, 1.0], "y_mm": [0.0, 1.0], "weight": [[0.0, 0.0], [0.0, 0.0]]}, r"target\.weight\.weight.*0 everywhere"),
+    ({"x_mm": [0.0, 1.0], "y_mm": [0.0, 1.0], "weight": [[1.0, float("inf")], [0.0, 0.0]]}, r"row 1, entry 2 is inf"),
+    ({"x_mm": [0.0, 1.0], "y_mm": [0.0, 1.0], "weight": [[1.0, 1.0]]}, r"a row for each of the 2 entries of y_mm"),
+    ({"x_mm": [0.0, 1.0], "weight": [[1.0, 1.0]]}, r"target\.weight\.y_mm: this key is required"),
+    ({"file": "none.csv"}, r"target\.weight: file = .*none\.csv.* cannot be read"),
+    ({"file": "none.csv", "x_mm": [0.0, 1.0]}, r"none\.csv"),
+    ({"x_mm": [300.0, 301.0, 302.0], "y_mm": [0.0, 1.0], "weight": [[0.0, 1.0, 1.0]] * 2}, r"0 all over the mirror"),
+])
+def test_bad_weights_are_named(weight: dict[str, Any], said: str) -> None:
+    with pytest.raises((mirror_cad.SpecError, SurfaceError), match=said):
+        made(CONTRACT | {"weight": weight})
 
 
 @pytest.mark.parametrize("law", ["deflection", "demagnification"])

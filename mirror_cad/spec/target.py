@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, ValidationInfo, model_validator
 from pydantic.functional_validators import PlainValidator
 
-from mirror_cad.keys import Section, is_number
-from mirror_cad.wanted_view import Box, Column, EqualAngles, Line, StraightVerticals, TableView, WantedView
+from mirror_cad.keys import ELSEWHERE, Section, is_number
+from mirror_cad.spec.grid_file import read_grid, read_line
+from mirror_cad.wanted_view import Box, Column, EqualAngles, Line, StraightVerticals, TableView, WantedView, WeightMap
 
 BEHIND_DEG = 90.0  # from the axis: a ray that leaves at this angle or more goes behind the mirror
 MAX_NODES = 400  # of a table, a direction
@@ -65,8 +67,74 @@ def _places(value: object) -> Numbers | None:
     return places
 
 
+def _weights(value: object) -> Rows:
+    value = _list(value)
+    if not isinstance(value, list | tuple) or not value or not all(isinstance(_list(row), list | tuple) for row in value):
+        raise ValueError("must be rows of numbers, one for each of y_mm")
+    rows = tuple(tuple(_number(weight, f"row {i + 1}, entry {j + 1}") for j, weight in enumerate(_list(row)))
+                 for i, row in enumerate(value))
+    for i, row in enumerate(rows):
+        for j, weight in enumerate(row):
+            if weight < 0.0:
+                raise ValueError(f"row {i + 1}, entry {j + 1} is {weight:g}: a weight is 0 or above")
+    if not any(weight > 0.0 for row in rows for weight in row):
+        raise ValueError("is 0 everywhere: some place of the mirror must count")
+    return rows
+
+
+def _columns_of(raw: dict[str, object], columns: dict[str, object]) -> dict[str, object]:
+    """The keys of a section with those that its file has instead of it."""
+    both = sorted(columns.keys() & raw.keys())
+    if both:
+        raise ValueError(f"file and {', '.join(both)} cannot both be given: leave one of them out")
+    return {key: value for key, value in raw.items() if key != "file"} | columns
+
+
+def _file_of(raw: dict[str, object], info: ValidationInfo) -> Path:
+    if not isinstance(raw["file"], str):
+        raise ValueError(f"file = {raw['file']!r} must be the name of a CSV file")
+    return Path((info.context or {}).get("folder", ".")) / raw["file"]
+
+
 Angles = Annotated[Numbers | Rows, PlainValidator(_angles)]
 Places = Annotated[Numbers | None, PlainValidator(_places)]
+Weights = Annotated[Rows, PlainValidator(_weights)]
+FileName = Annotated[str | None, Field(exclude=True), ELSEWHERE]
+
+
+class TargetWeight(Section):
+    """How much the places of the mirror count: `weight` at the nodes of `x_mm` × `y_mm`, a row for each y.
+
+    Linear between the nodes and held at its ends beyond; only ratios matter. A place of weight 0 shows whatever is smooth.
+
+    file : a CSV file with the columns x_mm, y_mm and weight instead, a row for each node.
+    """
+
+    x_mm: Places
+    y_mm: Places
+    weight: Weights
+    file: FileName = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, raw: object, info: ValidationInfo) -> object:
+        if not isinstance(raw, dict) or raw.get("file") is None:
+            return raw
+        return _columns_of(raw, read_grid(_file_of(raw, info), ("weight",)))
+
+    @model_validator(mode="after")
+    def _shapes(self) -> TargetWeight:
+        if self.x_mm is None or self.y_mm is None:
+            raise ValueError("x_mm and y_mm must be lists of places, mm")
+        columns, rows = len(self.x_mm), len(self.y_mm)
+        if len(self.weight) != rows or any(len(row) != columns for row in self.weight):
+            raise ValueError(f"weight must have a row for each of the {rows} entries of y_mm, with {columns} numbers, one for "
+                             "each of x_mm")
+        return self
+
+    def map(self) -> WeightMap:
+        """Make the weight as a function of (x, y)."""
+        return WeightMap(np.array(self.x_mm), np.array(self.y_mm), np.array(self.weight).T.copy())
 
 
 class Target(Section):
@@ -75,6 +143,9 @@ class Target(Section):
     projection : "perspective", X and Y linear between the tangents at the edges of the outline's box; "equal-angle", the
     angles themselves linear; "profile", `azimuth_deg` over `x_mm`, verticals straight, Y as in perspective; "table", both
     angles at the nodes of `x_mm` × `y_mm`, a row for each y.
+    file : a CSV file instead: of "table" with the columns x_mm, y_mm, azimuth_deg and elevation_deg, a row for each node; of
+    "profile" with x_mm and azimuth_deg.
+    weight : how much each place counts; all the same by default.
     eye : the eye of [eye], or two of them, EYES_APART_MM apart.   convex : refuse a view that no convex mirror can show.
     """
 
@@ -85,6 +156,20 @@ class Target(Section):
     y_mm: Places = None
     eye: Literal["one", "both"] = "one"
     convex: bool = False
+    file: FileName = None
+    weight: TargetWeight | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, raw: object, info: ValidationInfo) -> object:
+        if not isinstance(raw, dict) or raw.get("file") is None:
+            return raw
+        projection = raw.get("projection")
+        if projection == "table":
+            return _columns_of(raw, read_grid(_file_of(raw, info), ("azimuth_deg", "elevation_deg")))
+        if projection == "profile":
+            return _columns_of(raw, read_line(_file_of(raw, info), "azimuth_deg"))
+        raise ValueError(f"file belongs to projection = \"table\" or \"profile\", and here it is {projection!r}")
 
     @model_validator(mode="after")
     def _shapes(self) -> Target:
@@ -137,7 +222,8 @@ class Target(Section):
         spread = [f"{min(flat):g}° to {max(flat):g}°" for flat in (
             np.ravel(np.array(angles)).tolist() for angles in (self.azimuth_deg, self.elevation_deg))]
         eyes = "" if self.eye == "one" else ", for both eyes"
-        return f"{self.projection}, azimuth {spread[0]}, elevation {spread[1]}{eyes}"
+        weighted = "" if self.weight is None else ", weighted over the mirror"
+        return f"{self.projection}, azimuth {spread[0]}, elevation {spread[1]}{eyes}{weighted}"
 
 
 def _between(ends: Sequence[float], values: Sequence[float] | np.ndarray) -> Line:

@@ -18,7 +18,7 @@ from mirror_cad.sections import SagDerivatives
 from mirror_cad.surfaces.bspline import BSplineSurface, dense_basis, greville_abscissae
 from mirror_cad.surfaces.collocation import graph, knot_vector
 from mirror_cad.surfaces.faithful import MAX_POLES, gauss_points, share_inside, spans_with_margin
-from mirror_cad.wanted_view import WantedView, on_plane
+from mirror_cad.wanted_view import WantedView, WeightMap, on_plane
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -39,7 +39,7 @@ SETTLED_MM = 1e-9  # of the height: what a file's digits keep
 SMOOTH, SMOOTH_ARCMIN = 2e-3, 1.0
 LEAST_SMOOTH = 1e-10  # or what no ray sees would be settled by nothing
 SEEN = 0.1  # a pole of whose reach the mirror has this share is settled by its rays
-LATER_STEPS = 2
+LEAST_WEIGHT = 1e-9  # of the largest: what counts less is no part of the mirror, and is held as what lies beside it
 # On the diagonal of the scaled normal equations, whose rounding is some 1e-15: it only shortens a step, and moves no minimum.
 RIDGE = 1e-13
 STEEPEST = 5.7  # of a slope, 80°: beyond, a sheet over (x, y) is no description of a mirror
@@ -68,7 +68,7 @@ class SplineSag:
 
 @dataclass(frozen=True, slots=True)
 class ViewLevel:
-    """One set of spans: what it reached, by equal area over all eyes, and cost."""
+    """One set of spans: what it reached, by area times weight over all eyes, and cost."""
 
     spans: tuple[int, int]
     unknowns: int
@@ -95,12 +95,13 @@ class FromView:
 
 
 def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline, domain: Box, degree: int | str = "auto",
-                      spans: tuple[int, int] | str = "auto", knots: tuple[Array, Array] | None = None) -> FromView:
+                      spans: tuple[int, int] | str = "auto", knots: tuple[Array, Array] | None = None,
+                      weight: WeightMap | None = None) -> FromView:
     """Find the height field z(x, y) with z(0, 0) = 0 whose reflected rays come closest to a wanted view.
 
-    Minimises Σ_eyes ∫|d′ − w|² dx dy over the trimmed mirror, with d′ the direction in which the eye's ray leaves and w the one
-    that is wanted of it, both of unit length: 2·sin of half the angle between them. Gauss–Newton with the analytic
-    derivatives of `reflected`.
+    Minimises Σ_eyes ∫ω|d′ − w|² dx dy over the trimmed mirror, with ω the weight, d′ the direction in which the eye's ray
+    leaves and w the one that is wanted of it, both of unit length: |d′ − w| is 2·sin of half the angle between them.
+    Gauss–Newton with the analytic derivatives of `reflected`.
 
     Parameters
     ----------
@@ -114,6 +115,8 @@ def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline,
         Over the mirror's box; "auto" takes more spans until they gain nothing.
     knots : pair of ndarray, optional
         Taken instead of spans, with the degree.
+    weight : WeightMap, optional
+        ω over (x, y), by ratios; 1 everywhere by default.
 
     Returns
     -------
@@ -122,7 +125,7 @@ def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline,
     Raises
     ------
     SurfaceError
-        Where no sheet over (x, y) comes near the view, or more is asked for than is solved for.
+        Where no sheet over (x, y) comes near the view, more is asked for than is solved for, or nothing of the mirror counts.
 
     References
     ----------
@@ -143,7 +146,7 @@ def surface_from_view(view: WantedView, eyes: Sequence[Array], outline: Outline,
         if poles > MAX_POLES:
             raise SurfaceError(f"surface.spans = [{nx}, {ny}] with method = \"view\" asks for {poles} unknowns, at most "
                                f"{MAX_POLES} are solved for: fewer spans (\"auto\" takes {list(LEVELS[-1])} at most)")
-        problem = _Problem(view, eyes, outline, pair, ends, chosen)
+        problem = _Problem(view, eyes, outline, pair, ends, chosen, weight)
         if found:
             problem.start_from(found[-1][0].surface())
         steps, converged = problem.solve()
@@ -201,16 +204,18 @@ class _Problem:
     """Least squares for the poles' heights at Gauss points inside the outline; the height at the origin is held at 0."""
 
     def __init__(self, view: WantedView, eyes: Sequence[Array], outline: Outline, knots: tuple[Array, Array],
-                 ends: tuple[Array, Array], degree: int) -> None:
+                 ends: tuple[Array, Array], degree: int, weight: WeightMap | None) -> None:
         self.view, self.eyes, self.knots, self.degree = view, eyes, knots, degree
         x, weight_x = gauss_points(ends[0])
         y, weight_y = gauss_points(ends[1])
         share = share_inside(outline, ends, weight_x, weight_y)
+        counts = np.ones_like(share) if weight is None else _counts(weight, x, y, share)
+        share = np.where(counts > 0.0, share, 0.0)
         basis_x, basis_y = dense_basis(knots[0], degree, x, 1), dense_basis(knots[1], degree, y, 1)
         self.shape = (basis_x.shape[2], basis_y.shape[2])
         i, j = np.nonzero(share > 0.0)
         self.x, self.y = x[i], y[j]
-        area = weight_x[i] * weight_y[j] * share[i, j]
+        area = weight_x[i] * weight_y[j] * share[i, j] * counts[i, j]
         self.weight = area / area.sum()
         self.root_weight = np.sqrt(self.weight)
         self.matrices = [(basis_x[a][i][:, :, None] * basis_y[b][j][:, None, :]).reshape(len(i), -1)
@@ -334,6 +339,15 @@ class _Problem:
         x2, y2 = (_blossom_of_square(knots, self.degree) for knots in self.knots)
         heights: Array = (a * gx[:, None] + b * gy + c * x2[:, None] + d * gx[:, None] * gy + e * y2).ravel()
         return heights
+
+
+def _counts(weight: WeightMap, x: Array, y: Array, share: Array) -> Array:
+    """The weights (m, n) at places x (m,) by y (n,), of which share (m, n) lies in the mirror; 0 for next to nothing."""
+    found = weight(*np.meshgrid(x, y, indexing="ij"))
+    largest = float(found[share > 0.0].max(initial=0.0))
+    if largest == 0.0:
+        raise SurfaceError("target.weight is 0 all over the mirror: some place of it must count")
+    return np.where(found > LEAST_WEIGHT * largest, found, 0.0)
 
 
 def _blossom_of_square(knots: Array, degree: int) -> Array:

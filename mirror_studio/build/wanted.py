@@ -28,7 +28,11 @@ class MissedView:
     @property
     def rms(self) -> float:
         """Over the cells inside the outline, by equal area in (x, y)."""
-        return float(np.sqrt(np.average(self.arcmin**2, weights=self.grid.weights)))
+        return self.rms_by(np.ones_like(self.arcmin))
+
+    def rms_by(self, weight: Array) -> float:
+        """The same by area times the weights of the grid's places."""
+        return float(np.sqrt(np.average(self.arcmin**2, weights=self.grid.weights * weight)))
 
     def worst(self) -> tuple[float, tuple[float, float]]:
         """The largest, arc minutes, and where it is, mm; of places that rounding alone tells apart the upper one."""
@@ -88,7 +92,8 @@ class TargetFigures:
     rms_arcmin, max_arcmin, max_at_mm : over all eyes, as in `Missed`.
     settled : whether more spans would gain nothing.
     eyes : of each eye, by its name: "one", or "left" and "right".
-    floor : how the least squares came there, spans by spans.
+    floor : how the least squares came there, spans by spans, by weight.
+    weighted_rms_arcmin : by area times the weight of [target.weight], which is what was made least; None without one.
     """
 
     rms_arcmin: float
@@ -97,6 +102,7 @@ class TargetFigures:
     settled: bool
     eyes: dict[str, Missed]
     floor: tuple[Level, ...]
+    weighted_rms_arcmin: float | None = None
 
 
 def target_figures(mirror: Mirror, surface: OpticalSurface) -> TargetFigures | None:
@@ -111,8 +117,10 @@ def target_figures(mirror: Mirror, surface: OpticalSurface) -> TargetFigures | N
     missed = [missed_view(view, eye, surface, grid) for eye in eyes_of(mirror.spec, mirror.box)]
     each = [Missed(one.rms, *one.worst()) for one in missed]
     largest = max(each, key=lambda one: one.max_arcmin)
+    weights = None if target.weight is None else target.weight.map()(grid.x, grid.y)
+    weighted = None if weights is None else float(np.sqrt(np.mean([one.rms_by(weights)**2 for one in missed])))
     names = ("left", "right") if len(each) == 2 else ("one",)
     return TargetFigures(
         float(np.sqrt(np.mean([one.rms_arcmin**2 for one in each]))), largest.max_arcmin, largest.max_at_mm, found.settled,
         dict(zip(names, each, strict=True)),
-        tuple(Level(level.spans, level.unknowns, level.steps, level.rms_arcmin) for level in found.levels))
+        tuple(Level(level.spans, level.unknowns, level.steps, level.rms_arcmin) for level in found.levels), weighted)
