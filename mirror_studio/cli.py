@@ -266,8 +266,8 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
 @app.command
 def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["none", "321", "best-fit"] = "best-fit",
-            sigma_mm: float | None = None, gauge_mm: float | None = None, out: Out = None, pdf: Pdf = False,
-            json: Json = False) -> int:
+            sigma_mm: float | None = None, gauge_mm: float | None = None, scene: str | None = None, out: Out = None,
+            pdf: Pdf = False, json: Json = False) -> int:
     """Lay the measured points of a made mirror on its design: deviation of curvature, slope and height, each with its sigma.
 
     Parameters
@@ -284,6 +284,8 @@ def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["
         Standard uncertainty of a point along the surface's normal; from the points' own scatter without it.
     gauge_mm
         Over which slope and curvature are told; without it 38, a spherometer's.
+    scene
+        A scene's name, or a TOML file: the measures of the mirror on its vehicle are taken too, with their intervals.
     """
     _start_reader([*data, *([] if against is None else [Path(against)])])
     if pdf:
@@ -294,7 +296,7 @@ def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["
     from mirror_studio.inspect.run import inspect_file as run
     from mirror_studio.progress import Progress
 
-    asked = Asked(tuple(data), against, align, sigma_mm, gauge_mm)
+    asked = Asked(tuple(data), against, align, sigma_mm, gauge_mm, scene)
     content, missed = run(asked, out or Path("exports") / f"{data[0].stem}-inspection", Progress(), pdf)
     return _finish(content, missed, json)
 

@@ -18,6 +18,9 @@ from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.differential import shape_operator
 from mirror_studio.cli import run
 from mirror_studio.inspect.alone import reference_of_points, write_laws
+from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.measures.registry import registered
+from raytrace.reflector import Reflector
 
 Array = NDArray[np.float64]
 
@@ -89,7 +92,8 @@ def test_rows_without_a_number_are_counted(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_set_is_written_and_its_json_has_the_contract_s_keys(tmp_path: Path) -> None:
     """And the STEP file is the mirror again, for every other command."""
-    content = inspection(tmp_path, written(tmp_path / "points.csv", table(points())), more=("--align", "none"))
+    content = inspection(tmp_path, written(tmp_path / "points.csv", table(points())),
+                         more=("--align", "none", "--scene", "motorway"))
     assert content["points"]["left_out"] == 0  # type: ignore[index]
     assert content["alignment"]["translation_mm"] == [0.0, 0.0, 0.0]  # type: ignore[index]
     assert set(content["height"]) >= {"max_mm", "rms_mm"}  # type: ignore[call-overload]
@@ -100,11 +104,32 @@ def test_a_set_is_written_and_its_json_has_the_contract_s_keys(tmp_path: Path) -
     assert content["verdict"] is None
     measures = content["driver"]["measures"]  # type: ignore[index]
     assert measures["h_fov_traced_deg"]["measured"] == pytest.approx(measures["h_fov_traced_deg"]["designed"], abs=1e-4)
+    for name in ("horizon_either_deg", "magnification_least", "ground_nearest_m"):  # on the scene's vehicle
+        assert measures[name]["interval"][0] <= measures[name]["measured"] <= measures[name]["interval"][1]
+        assert measures[name]["measured"] == pytest.approx(measures[name]["designed"], rel=1e-4)
+    assert content["hidden_by_alignment"] == {"max_mm": 0.0, "rms_mm": 0.0, "sigma_mm": None}
     out = tmp_path / "out"
+    with (out / "progressive-c-probes.csv").open(encoding="utf-8") as stream:
+        assert len(stream.readlines()) == 26
     assert {"report.html", "progressive-c-maps.csv", "progressive-c-measured.step"} <= {path.name for path in out.iterdir()}
     assert run(["trace", str(out / "progressive-c-measured.step"), "--out", str(tmp_path / "traced")]) == 0
     traced = json.loads((tmp_path / "traced" / "metrics.json").read_text("utf-8"))
     assert traced["h_fov_deg"]["traced"] == pytest.approx(measures["h_fov_traced_deg"]["measured"], abs=0.02)
+
+
+@pytest.mark.long
+def test_a_mirror_that_reflects_from_its_back_is_seen_through_its_glass(tmp_path: Path) -> None:
+    """As the command that traces the design has it."""
+    spec = written(tmp_path / "back.toml", 'name = "back"\n[horizontal]\nlaw = "constant"\nradius_mm = 1200.0\n[vertical]\n'
+                   'law = "constant"\nradius_mm = 1200.0\n[surface]\nmethod = "sphere"\n[glass]\nreflecting = "back"\n'
+                   "thickness_mm = 4.0\n")
+    made = design(load_spec(spec))
+    content = inspection(tmp_path, written(tmp_path / "points.csv", table(made.grid_points(5.0)[:, :3])), against=str(spec),
+                         more=("--align", "none"))
+    seen = content["driver"]["measures"]["h_fov_traced_deg"]  # type: ignore[index]
+    use = ViewingSetup.of(made.spec, made.box).in_use(Reflector.from_mirror(made), made)
+    assert seen["designed"] == pytest.approx(registered()["h_fov_traced_deg"].value(use), abs=1e-9)
+    assert seen["measured"] == pytest.approx(seen["designed"], abs=1e-3)  # degrees: points to nine decimals
 
 
 def test_units_are_found_or_their_fault_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

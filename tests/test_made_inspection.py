@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -10,8 +11,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mirror_cad import design, load_spec
+from mirror_cad.made import form_error
 from mirror_cad.made.alignment import AlignmentError, best_fit
 from mirror_cad.made.figures import figures
+from mirror_cad.made.form_error import with_form_error
+from mirror_cad.made.hidden_form import hidden_form
 from mirror_cad.made.inspection import Inspection
 from mirror_cad.made.inspection import inspect as inspect_over
 from mirror_cad.made.measured_surface import measured_surface
@@ -21,6 +25,10 @@ from mirror_cad.made.reconstruction import ReconstructionError
 from mirror_cad.made.verdict import verdict
 from mirror_cad.mirror import Mirror
 from mirror_cad.surfaces.differential import principal_curvatures
+from mirror_studio.inspect.driver import drivers_view
+from mirror_studio.inspect.reference import load_reference
+from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.reflector import Reflector
 
 Array = NDArray[np.float64]
 
@@ -120,8 +128,11 @@ def test_one_line_of_points_tells_heights_along_it_and_no_curvature() -> None:
     assert verdict(found.fields, 5.0).outcome == "undecided"
 
 
-def test_a_wave_of_form_is_found_with_its_amplitude() -> None:
-    """20 µm at 60 mm on 5 mm points with 2 µm noise: the amplitude to 5 %, nothing left out."""
+def test_a_wave_of_form_is_found_with_its_amplitude_and_what_it_does_to_the_view() -> None:
+    """20 µm at 60 mm on 5 mm points with 2 µm noise: the amplitude to 5 %, nothing left out.
+
+    The turns of the driver's rays are those of rays traced in the exact surface with the wave on it.
+    """
     rng = np.random.default_rng(5)
     at = points("progressive-c")
     at[:, 2] += 0.02 * np.sin(2.0 * np.pi * at[:, 0] / 60.0) + 0.002 * rng.standard_normal(len(at))
@@ -130,6 +141,38 @@ def test_a_wave_of_form_is_found_with_its_amplitude() -> None:
     wave = np.sin(2.0 * np.pi * places[:, 0] / 60.0)
     assert not found.left_out
     assert wave @ found.fields.height / (wave @ wave) == pytest.approx(0.02, rel=0.05)
+    reference = load_reference("progressive-c")
+    told = drivers_view(reference, found.fields.lattice, found.reconstruction.smooth, found.reconstruction.sigma_factor)
+    of = mirror("progressive-c")
+    eye, (x, y) = ViewingSetup.of(of.spec, of.box).eye, np.ascontiguousarray(places.T)
+    waved = replace(of, surface=with_form_error(of.surface, form_error.wave(0.02, 60.0, 0.0, 0.0)))
+    before, after = (Reflector.from_mirror(each).surface.reflected_at(eye, x, y)[1] for each in (of, waved))
+    traced = 10800.0 / np.pi * np.linalg.norm(after - before, axis=1)
+    assert traced.max() == pytest.approx(2.0 * 0.02 * 2.0 * np.pi / 60.0 * 10800.0 / np.pi, rel=0.1)  # twice the slope: 14′
+    assert np.sqrt(np.nanmean(told.turn**2)) == pytest.approx(np.sqrt(np.mean(traced**2)), rel=0.05)
+    # At its place each is within what noise does to it: of two components, and counted against the bias of smoothing.
+    assert np.sqrt(np.nanmean((told.turn - traced) ** 2)) < 2.0 * np.sqrt(np.nanmean(told.turn_sigma**2))
+    # ... which is a small part of it.
+    assert np.sqrt(np.nanmean((told.turn - traced) ** 2)) < 0.15 * np.sqrt(np.mean(traced**2))
+
+
+def test_what_an_alignment_takes_away_is_the_form_of_its_motion() -> None:
+    """Of a sphere that was given shifted: the difference of two spheres, in closed form."""
+    found, r = inspect(nominal("sphere-950"), points("sphere-950")[::4], align="none"), 950.0
+    shift = np.array([1.5, -0.8, 0.2])
+    hidden = hidden_form(found, Motion(np.eye(3), shift)).height
+    x, y = found.fields.lattice.places.T
+    wanted = shift[2] + np.sqrt(r * r - (x - shift[0]) ** 2 - (y - shift[1]) ** 2) - np.sqrt(r * r - x * x - y * y)
+    assert hidden is not None
+    assert np.abs(hidden - wanted).max() < 1e-7
+    assert hidden_form(found, AWAY).height is None
+    assert hidden_form(found, Motion.identity()).sigma is None
+    free = inspect(nominal("progressive-c"), points("progressive-c")[::4] + [0.0, 0.0, 0.4])
+    both = hidden_form(free, Motion.identity())
+    assert both.height is not None
+    assert both.sigma is not None
+    assert np.abs(both.height + np.nan_to_num(free.fields.height) - 0.4).max() < 1e-5
+    assert (both.sigma >= 0.0).all()
 
 
 def test_the_verdict_passes_fails_and_knows_when_it_cannot_tell() -> None:

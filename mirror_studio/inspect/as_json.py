@@ -7,6 +7,7 @@ import numpy as np
 from mirror_cad.deviation import QUANTITIES
 from mirror_cad.made.fields import Lattice
 from mirror_cad.made.figures import Figure, Figures
+from mirror_cad.made.hidden_form import HiddenForm
 from mirror_cad.made.inspection import Inspection
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.verdict import Verdict
@@ -82,6 +83,24 @@ def view_as_json(view: DriversView, lattice: Lattice) -> JsonObject:
     return {"measures": measures, "ray_turn": {
         "max_arcmin": float(view.turn[worst]), "rms_arcmin": float(np.sqrt(np.nanmean(view.turn**2))),
         "sigma_arcmin": float(np.sqrt(np.nanmean(view.turn_sigma**2))), "max_at_mm": [float(v) for v in at[worst]]}}
+
+
+def hidden_as_json(hidden: HiddenForm, found: Inspection) -> JsonObject:
+    """What the alignment takes away from the deviation of height, as inspection.json has it; null where it is not known.
+
+    Parameters
+    ----------
+    hidden : HiddenForm
+        Of the alignment.
+    found : Inspection
+        The mirror.
+    """
+    there = found.fields.measured_there
+    taken = None if hidden.height is None or not there.any() else hidden.height[there]
+    sigma = None if hidden.sigma is None or not there.any() else hidden.sigma[there]
+    return {"max_mm": None if taken is None else float(taken[np.argmax(np.abs(taken))]),
+            "rms_mm": None if taken is None else float(np.sqrt(np.mean(taken**2))),
+            "sigma_mm": None if sigma is None else float(np.sqrt(np.mean(sigma**2)))}
 
 
 def _figure(figure: Figure, unit: str) -> dict[str, Json]:

@@ -14,13 +14,17 @@ from mirror_cad.made.measured_surface import measured_surface
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.smoothing import drawn
 from mirror_cad.made.spline_fit import SplineFit
+from mirror_cad.reflection import reflected_surface
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec
 from mirror_cad.surfaces.bspline import BSplineSurface
+from mirror_studio.drive.measured import in_use, shown_round
+from mirror_studio.drive.mirrors import on_vehicle
+from mirror_studio.explore.evaluate import scene_and_asked
 from mirror_studio.inspect.reference import Reference
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.image import photograph
-from raytrace.measures.registry import measures_of
+from raytrace.measures.registry import Measure, measures_of
 from raytrace.placement import Placement
 from raytrace.reflector import Reflector
 from raytrace.scene.reference import load_picture
@@ -73,7 +77,7 @@ class DriversView:
     Attributes
     ----------
     measures : tuple
-        Of the mirror with the eye where the specification has it.
+        Of the mirror with the eye where the specification has it, and of it on a vehicle where a scene was given.
     turn, turn_sigma : ndarray
         (k,), arc minutes between the reflected rays of the designed and the measured mirror at the lattice's places.
     designed_jpeg, measured_jpeg : bytes
@@ -87,8 +91,12 @@ class DriversView:
     measured_jpeg: bytes
 
 
-def drivers_view(reference: Reference, lattice: Lattice, smooth: SplineFit, sigma_factor: float) -> DriversView:
-    """Trace the measured mirror beside the designed one, on the reflecting surface itself, without glass before it.
+def drivers_view(reference: Reference, lattice: Lattice, smooth: SplineFit, sigma_factor: float, scene: str | None = None,
+                 ) -> DriversView:
+    """Trace the measured mirror beside the designed one.
+
+    Of a specification whose mirror reflects from its back, measures and pictures are those through the glass, of even thickness
+    before either back; the turns of rays and the scatter of measures are the reflecting surface's own.
 
     Parameters
     ----------
@@ -100,6 +108,13 @@ def drivers_view(reference: Reference, lattice: Lattice, smooth: SplineFit, sigm
         The deviation, smoothed.
     sigma_factor : float
         What its sigmas are to be multiplied with.
+    scene : str, optional
+        A scene's name or file: the measures on its vehicle are taken too.
+
+    Raises
+    ------
+    MirrorError
+        For a scene that is none, or that the mirror cannot be aimed in.
     """
     nominal, rng = reference.nominal, np.random.default_rng(SEED)
     surface = measured_surface(nominal, smooth)
@@ -113,16 +128,16 @@ def drivers_view(reference: Reference, lattice: Lattice, smooth: SplineFit, sigm
     turned, values = [], []
     for _ in range(DRAWS):
         maybe = _reflector(reference, measured_surface(nominal, replace(smooth, coefficients=drawn(smooth, sigma_factor, rng))))
-        values.append(_measures(setup, maybe, reference))
+        values.append(_measures(setup, maybe, reference, scene)[0])
         turned.append(_directions(maybe, setup.eye, places))
     mean = _directions(after, setup.eye, places)
     scatter = np.sqrt(np.mean([np.sum((each - mean) ** 2, axis=1) for each in turned], axis=0) / 2.0)
-    designed, measured = _measures(setup, before, reference), _measures(setup, after, reference)
-    named = measures_of(setup.in_use(before, reference.mirror), "setup")
-    seen = tuple(SeenMeasure(name, named[name].title, named[name].unit, named[name].decimals, designed[name], measured[name],
-                             _scatter([each[name] for each in values])) for name in designed)
+    shown = _behind_glass(reference, nominal.surface) or before, _behind_glass(reference, surface) or after
+    (designed, named), (measured, _) = (_measures(setup, each, reference, scene) for each in shown)
+    seen = tuple(SeenMeasure(name, one.title, one.unit, one.decimals, designed[name], measured.get(name),
+                             _scatter([each.get(name) for each in values])) for name, one in named.items())
     turn = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(mean - known, axis=1), 0.0, 1.0))
-    pictures = (_picture(each, setup, spec, box) for each in (before, after))
+    pictures = (_picture(each, setup, spec, box) for each in shown)
     return DriversView(seen, ARCMIN * turn, ARCMIN * scatter, *pictures)
 
 
@@ -136,10 +151,25 @@ def _reflector(reference: Reference, surface: BSplineSurface) -> Reflector:
     return reflector.moved(Placement.identity("file", "right")) if _is_right(reference) else reflector
 
 
-def _measures(setup: ViewingSetup, reflector: Reflector, reference: Reference) -> dict[str, float | None]:
-    """The measures of a mirror by itself that are traced: those of the design's sections say nothing of a made one."""
-    use = setup.in_use(reflector, reference.mirror)
-    return {name: one.value(use) for name, one in measures_of(use, "setup").items() if "section" not in name}
+def _behind_glass(reference: Reference, surface: BSplineSurface) -> Reflector | None:
+    """A surface with the glass that the specification has before it; None where it reflects from its front."""
+    mirror = reference.mirror
+    if mirror is None or mirror.spec.glass.reflecting == "front":
+        return None
+    return Reflector.from_mirror(replace(mirror, surface=reflected_surface(surface) if _is_right(reference) else surface))
+
+
+def _measures(setup: ViewingSetup, reflector: Reflector, reference: Reference, scene: str | None,
+              ) -> tuple[dict[str, float | None], dict[str, Measure]]:
+    """What is traced of a mirror, and what it is called: measures of the design's sections say nothing of a made one."""
+    if scene is None:
+        use, twice = setup.in_use(reflector, reference.mirror), False
+    else:
+        loaded, asked = scene_and_asked(scene)
+        driven = on_vehicle(reference.name, reflector, loaded, reference.spec, reference.mirror)
+        use, twice = in_use(driven, asked), shown_round(driven.views).twice
+    named = {name: one for name, one in measures_of(use).items() if "section" not in name}
+    return {name: None if twice and not one.local else one.value(use) for name, one in named.items()}, named
 
 
 def _scatter(values: list[float | None]) -> float | None:

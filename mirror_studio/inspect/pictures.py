@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.deviation import QUANTITIES
 from mirror_cad.made.figures import ARCMIN, slope_angles
+from mirror_cad.made.hidden_form import HiddenForm
 from mirror_cad.made.inspection import Inspection
 from mirror_studio.report.figure_style import DIVERGING, DPI, STYLE, WIDTH_IN
 
@@ -72,6 +73,32 @@ def turn_maps(found: Inspection, turn: Array, sigma: Array) -> bytes:
         (k,), arc minutes, at the lattice's places.
     """
     return _row(found, [("turn of the ray, arcmin", turn, False), ("sigma of the turn, arcmin", sigma, False)], width=0.5)
+
+
+def hidden_maps(found: Inspection, hidden: HiddenForm) -> bytes | None:
+    """The deviation as the points were given, what the alignment takes away of it, what is left, and a sigma; PNG.
+
+    Parameters
+    ----------
+    found : Inspection
+        The mirror.
+    hidden : HiddenForm
+        Of its alignment.
+
+    Returns
+    -------
+    bytes or None
+        None where nothing of it is known.
+    """
+    maps: list[tuple[str, Array, bool]] = []
+    if hidden.height is not None:
+        taken = np.where(found.fields.measured_there, hidden.height, np.nan)
+        maps += [("as given, µm", 1e3 * (found.fields.height + taken), True),
+                 ("taken away by the motion, µm", 1e3 * taken, True),
+                 ("left after alignment, µm", 1e3 * found.fields.height, True)]
+    if hidden.sigma is not None:
+        maps.append(("sigma by the alignment, µm", 1e3 * hidden.sigma, False))
+    return _row(found, maps, width=min(1.0, 0.25 * len(maps))) if maps else None
 
 
 def correction_maps(found: Inspection, deviation: Array, correction: Array, sigma: Array | None) -> bytes:

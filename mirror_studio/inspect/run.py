@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.errors import SpecError
 from mirror_cad.made.figures import Figures, figures
+from mirror_cad.made.hidden_form import hidden_form
 from mirror_cad.made.inspection import GAUGE_MM, Align, Inspection, inspect
 from mirror_cad.made.measured_surface import measured_surface
 from mirror_cad.made.motion import Motion
@@ -18,15 +19,17 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, versions, write_json
 from mirror_studio.inspect.alone import NearestSphere, reference_of_points, write_laws
-from mirror_studio.inspect.as_json import inspection_as_json, view_as_json
+from mirror_studio.inspect.as_json import hidden_as_json, inspection_as_json, view_as_json
 from mirror_studio.inspect.data import MeasuredPoints, read_points, read_table
 from mirror_studio.inspect.driver import drivers_view
 from mirror_studio.inspect.others import OtherData, joined, kind_of, other_data
+from mirror_studio.inspect.probes import probe_places
 from mirror_studio.inspect.reference import Reference, load_reference
 from mirror_studio.inspect.sheet import basis, write_sheet
 from mirror_studio.inspect.tables import write_maps, write_residuals
 from mirror_studio.json_types import JsonObject
 from mirror_studio.progress import Progress
+from mirror_studio.scene_file import load_scene
 
 Array = NDArray[np.float64]
 
@@ -51,6 +54,8 @@ class Asked:
         Of a point along the normal.
     gauge_mm : float or None
         Over which curvature is told; GAUGE_MM without it.
+    scene : str or None
+        On whose vehicle the driver looks into the mirror too.
     """
 
     data: tuple[Path, ...]
@@ -58,6 +63,7 @@ class Asked:
     align: Align = "best-fit"
     sigma_mm: float | None = None
     gauge_mm: float | None = None
+    scene: str | None = None
 
 
 def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[JsonObject, tuple[str, ...]]:
@@ -140,15 +146,20 @@ def _inspected(asked: Asked, reference: Reference, read: MeasuredPoints, others:
         if sphere is not None:
             content["sphere"] = {"radius_mm": sphere.radius_mm, "rms_mm": sphere.rms_mm}
             content["laws"] = write_laws(folder, name, found)
+        probe_places(found).write(folder / f"{name}-probes.csv")
+        hidden = hidden_form(found, reference.given)
+        content["hidden_by_alignment"] = hidden_as_json(hidden, found)
         view = None
         if main.measured_share >= SEEN_SHARE:
             progress.step(f"{name}: what the driver sees")
-            view = drivers_view(reference, found.fields.lattice, found.reconstruction.smooth, found.reconstruction.sigma_factor)
+            view = drivers_view(reference, found.fields.lattice, found.reconstruction.smooth, found.reconstruction.sigma_factor,
+                                asked.scene)
             content["driver"] = view_as_json(view, found.fields.lattice)
         write_json(folder / "inspection.json", content)
         write_maps(folder / f"{name}-maps.csv", found, view)
         facts = basis(found, source, against)
-        write_sheet(folder / "report.html", f"{name}: inspection of a made mirror", facts, found, main, judged, view, notes)
+        write_sheet(folder / "report.html", f"{name}: inspection of a made mirror", facts, found, main, judged, view, hidden,
+                    notes)
         if pdf:
             from mirror_studio.report.pdf import write_pdf
 
@@ -215,6 +226,8 @@ def _check(asked: Asked) -> None:
         raise SpecError(f"--sigma-mm {asked.sigma_mm:g}: must be above 0 and at most {LARGEST_SIGMA_MM:g} mm")
     if asked.gauge_mm is not None and not LEAST_GAUGE_MM <= asked.gauge_mm < np.inf:
         raise SpecError(f"--gauge-mm {asked.gauge_mm:g}: must be {LEAST_GAUGE_MM:g} mm or more")
+    if asked.scene is not None:
+        load_scene(asked.scene)
     for path in asked.data:
         if not path.is_file():
             raise SpecError(f"{path}: no such file")

@@ -9,10 +9,13 @@ from pathlib import Path
 from mirror_cad.deviation import QUANTITIES
 from mirror_cad.laws.words import plain
 from mirror_cad.made.figures import Figure, Figures
+from mirror_cad.made.hidden_form import HiddenForm
 from mirror_cad.made.inspection import Inspection
 from mirror_cad.made.verdict import Verdict
+from mirror_studio.inspect.curves import histograms_figure, sections_figure
 from mirror_studio.inspect.driver import DriversView
-from mirror_studio.inspect.pictures import curvature_maps, form_maps, sigma_maps, turn_maps
+from mirror_studio.inspect.pictures import curvature_maps, form_maps, hidden_maps, sigma_maps, turn_maps
+from mirror_studio.inspect.probes import probe_places
 from mirror_studio.report.text import MISSING, count, fixed, number, point_in_words, templates
 
 UNKNOWN_IN_WORDS = "not known"
@@ -43,7 +46,7 @@ class SeenRow:
 
 
 def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Inspection, figures: Figures,
-                verdict: Verdict | None, view: DriversView | None, notes: tuple[str, ...]) -> None:
+                verdict: Verdict | None, view: DriversView | None, hidden: HiddenForm, notes: tuple[str, ...]) -> None:
     """Write the page.
 
     Parameters
@@ -54,7 +57,7 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
         Of the page.
     facts : list of tuple
         Names and texts of what the report stands on.
-    found, figures, verdict, view
+    found, figures, verdict, view, hidden
         What it reports.
     notes : tuple of str
         What a user should know.
@@ -76,7 +79,10 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
     turns = None if view is None else png_uri(turn_maps(found, view.turn, view.turn_sigma))
     page = templates().get_template("inspect.html.j2").render(
         title=title, facts=facts, verdict=verdict_in_words(verdict, found), rows=rows(figures, found.fields.flat),
-        pictures=pictures, notes=notes, seen=seen, shown=shown, turns=turns, gauge=plain(found.fields.gauge_mm))
+        pictures=pictures, notes=notes, seen=seen, shown=shown, turns=turns, gauge=plain(found.fields.gauge_mm),
+        sections=svg_uri(sections_figure(found)), histograms=svg_uri(histograms_figure(found)),
+        hidden=None if (drawn := hidden_maps(found, hidden)) is None else png_uri(drawn), moved=hidden.height is not None,
+        probes=probe_places(found).rows())
     path.write_text(page, encoding="utf-8")
 
 
@@ -164,6 +170,17 @@ def basis(found: Inspection, source: str, against: str) -> list[tuple[str, str]]
 
 def _jpeg(data: bytes) -> str:
     return f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"
+
+
+def svg_uri(data: bytes) -> str:
+    """A drawing as an address that a page embeds.
+
+    Parameters
+    ----------
+    data : bytes
+        Of the SVG.
+    """
+    return f"data:image/svg+xml;base64,{base64.b64encode(data).decode()}"
 
 
 def png_uri(data: bytes) -> str:
