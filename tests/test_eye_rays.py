@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
-from raytrace.kernels.eye_rays import Sheet
 from raytrace.kernels.intervals import swept
 from raytrace.kernels.loops import loops
+from raytrace.kernels.sheet import Sheet
 from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace
 from raytrace.viewing.pose import Pose

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels.blocks import clamp
+from raytrace.kernels.blocks import at, clamp
 from raytrace.kernels.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 # The numbers of powers that cells are padded to with zeros, a kernel for each: degrees to 3, 5, 7, 9, 13 and 25, the CAD
 # kernel's highest; those beyond 9 are loops again.
 PADDED_POWERS = (4, 6, 8, 10, 14, 26)
+# What `taylor` tells of a height field, as offsets.
+Z, Z_X, Z_Y, HALF_XX, XY, HALF_YY, AT_X, AT_Y = range(8)
 MAX_CELLS = 4  # that a block is evaluated on as a whole; a block over more goes ray by ray
 
 
@@ -73,13 +75,18 @@ def horner(powers, flat, base, a, b):
 
 
 @compiled(fastmath={"contract"}, inline="always")
-def taylor(powers, cells, x, y, q):
-    """z, z_x, z_y, z_xx/2, z_xy, z_yy/2 at the place of a height field nearest to (x, y), then that place: q (8,)."""
-    flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
+def _locate(powers, cells, x, y, q):
+    """Where the coefficients of the cell nearest to (x, y) begin, and that place from the cell's middle; the place into q."""
+    ends_x, ends_y = cells.ends_u, cells.ends_v
     x, y = clamp(x, ends_x[0], ends_x[-2]), clamp(y, ends_y[0], ends_y[-2])
     i, j = span(x, ends_x, cells.lookup_u), span(y, ends_y, cells.lookup_v)
-    a, b = x - cells.middle_u[i], y - cells.middle_v[j]
-    base = (i * (ends_y.size - 2) + j) * powers * powers
+    q[AT_X], q[AT_Y] = x, y
+    return at((i * (ends_y.size - 2) + j) * powers * powers), x - cells.middle_u[i], y - cells.middle_v[j]
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def _expand(powers, flat, base, a, b, q):
+    """A polynomial in a and b, whose coefficients begin at base, its derivatives and half its second ones into q."""
     z = z_a = z_b = z_aa = z_ab = z_bb = 0.0
     for r in range(powers):
         row, slope, bend = flat[base + r * powers], 0.0, 0.0
@@ -93,4 +100,28 @@ def taylor(powers, cells, x, y, q):
         z_ab = z_ab * a + z_b
         z_b = z_b * a + slope
         z_bb = z_bb * a + bend
-    q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7] = z, z_a, z_b, z_aa, z_ab, z_bb, x, y
+    q[Z], q[Z_X], q[Z_Y], q[HALF_XX], q[XY], q[HALF_YY] = z, z_a, z_b, z_aa, z_ab, z_bb
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def taylor(powers, cells, x, y, q):
+    """z, z_x, z_y, z_xx/2, z_xy, z_yy/2 at the point of a height field nearest to (x, y), then that point's x and y: q (8,)."""
+    base, a, b = _locate(powers, cells, x, y, q)
+    _expand(powers, cells.coefficients, base, a, b, q)
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def taylor_of_any(cells, x, y, q):
+    """`taylor` where the number of powers is known only at run time.
+
+    Those of degrees 3, 5 and 7 are written down, so that their loops unroll: one compiled function serves for all.
+    """
+    base, a, b = _locate(cells.powers, cells, x, y, q)
+    if cells.powers == 6:
+        _expand(6, cells.coefficients, base, a, b, q)
+    elif cells.powers == 4:
+        _expand(4, cells.coefficients, base, a, b, q)
+    elif cells.powers == 8:
+        _expand(8, cells.coefficients, base, a, b, q)
+    else:
+        _expand(cells.powers, cells.coefficients, base, a, b, q)

@@ -5,24 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels.cells import AT_X, AT_Y, Z_X, Z_Y, Z, taylor_of_any
 from raytrace.kernels.compiled import compiled
-from raytrace.kernels.eye_rays import (
-    AT_X,
-    AT_Y,
-    HEIGHT,
-    Z_X,
-    Z_Y,
-    Sheet,
-    T,
-    X,
-    Y,
-    Z,
-    _differential,
-    _miss,
-    _reflected_ray,
-    _settle,
-    _taylor,
-)
+from raytrace.kernels.height_field_search import HIT_T, HIT_X, HIT_Y, HIT_Z, KNOWN
+from raytrace.kernels.image_points import smallest_axis
+from raytrace.kernels.sheet import Sheet, sheet_of
+from raytrace.kernels.sheet_differentials import NUMBERS as WORKED_WITH
+from raytrace.kernels.sheet_differentials import differential
+from raytrace.kernels.sheet_image_points import AXES, MISS, NUMBERS, POINT, RAY, aimed, settle
 
 Array = NDArray[np.float64]
 
@@ -31,37 +21,33 @@ NEAR = 0.2  # radians by which a ray may miss for Newton to begin there: what do
 
 @compiled(fastmath={"contract"}, _nrt=False)
 def _look_at(w, s, eye, x, y):
-    """The place of the sheet at (x, y) into w[:12], and the eye's ray to it into w[12:15]; whether it comes from before it."""
-    q, ray = w[:12], w[12:15]
-    _taylor(s, x, y, q)
+    """The point of the sheet at (x, y) and the eye's ray to it into w; whether the ray comes from before the sheet."""
+    q, ray = w[:KNOWN], w[RAY:POINT]
+    taylor_of_any(s.field.cells, x, y, q)
     dx, dy, dz = q[AT_X] - eye[0], q[AT_Y] - eye[1], q[Z] - eye[2]
-    q[T], q[X], q[Y], q[HEIGHT] = np.sqrt(dx * dx + dy * dy + dz * dz), q[AT_X], q[AT_Y], q[Z]
-    ray[0], ray[1], ray[2] = dx / q[T], dy / q[T], dz / q[T]
+    q[HIT_T], q[HIT_X], q[HIT_Y], q[HIT_Z] = np.sqrt(dx * dx + dy * dy + dz * dz), q[AT_X], q[AT_Y], q[Z]
+    ray[0], ray[1], ray[2] = dx / q[HIT_T], dy / q[HIT_T], dz / q[HIT_T]
     return ray[2] - ray[0] * q[Z_X] - ray[1] * q[Z_Y] < 0.0
 
 
 @compiled(fastmath={"contract"}, _nrt=False)
 def _towards(w, s, eye, wanted, n, settled, passes, longest):
-    """Move from what `_look_at` has put into w to the place whose ray leaves along wanted[n]; whether Newton settles there.
+    """Move from what `_look_at` has put into w to the point whose ray leaves along wanted[n]; whether Newton settles there.
 
     If not, what is in w is of no use any more.
     """
-    q, ray, out, miss, axes = w[:12], w[12:15], w[18:21], w[21:23], w[23:33]
-    size = np.inf
-    for c in range(3):
-        if abs(wanted[n, c]) < size:
-            axes[9], size = c, abs(wanted[n, c])
-    if not size < np.inf:
+    if not abs(wanted[n, 0]) + abs(wanted[n, 1]) + abs(wanted[n, 2]) < np.inf:
         return False
-    _reflected_ray(ray, q, out)
-    _miss(wanted, n, True, q, out, miss, axes)
+    miss, least = w[MISS:AXES], smallest_axis(eye, wanted, n, True)
+    aimed(w, w[RAY:POINT], wanted, n, True, least)
     now = np.sqrt(miss[0] * miss[0] + miss[1] * miss[1])
-    return (now < NEAR and _settle(w, s, eye, wanted, n, True, settled, passes, longest, 0.0, now) <= passes
-            and _look_at(w, s, eye, q[X], q[Y]))
+    return (now < NEAR and settle(w, s, eye, wanted, n, True, least, settled, passes, longest, 0.0, now) <= passes
+            and _look_at(w, s, eye, w[HIT_X], w[HIT_Y]))
 
 
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-def _far_sizes(w, shift, s, eye, rotation, starts, wanted, around, settled, passes, longest, leaving, jacobian):
+def _far_sizes(w, rest, shift, numbers, eye, rotation, starts, wanted, around, settled, passes, longest, leaving, jacobian):
+    s, q, ray = sheet_of(numbers), w[:KNOWN], w[RAY:POINT]
     ready = False  # whether w holds what is shown beside the direction before: neighbours follow each other
     for m in range(wanted.shape[0]):
         leaving[m, :] = np.nan
@@ -74,8 +60,8 @@ def _far_sizes(w, shift, s, eye, rotation, starts, wanted, around, settled, pass
                      and _towards(w, s, eye, wanted, m, settled, passes, longest))
         if not ready:
             continue
-        leaving[m, 0], leaving[m, 1], leaving[m, 2] = w[X], w[Y], w[HEIGHT]
-        _differential(w, rotation, jacobian[0, m], shift)
+        leaving[m, 0], leaving[m, 1], leaving[m, 2] = q[HIT_X], q[HIT_Y], q[HIT_Z]
+        differential(q, ray, rest, rotation, jacobian[0, m], shift)
         for j in range(around.shape[0]):
             if np.isnan(around[j, m, 0]):
                 continue
@@ -83,7 +69,7 @@ def _far_sizes(w, shift, s, eye, rotation, starts, wanted, around, settled, pass
             if not ready:
                 leaving[m, :] = np.nan
                 break
-            _differential(w, rotation, jacobian[1 + j, m], shift)
+            differential(q, ray, rest, rotation, jacobian[1 + j, m], shift)
 
 
 def far_sizes(sheet: Sheet, eye: Array, rotation: Array, starts: Array, wanted: Array, around: Array, settled: float,
@@ -97,7 +83,7 @@ def far_sizes(sheet: Sheet, eye: Array, rotation: Array, starts: Array, wanted: 
     starts : (n, 2), mm, (x, y) on the sheet.
     wanted : (n, 3), unit, in mirror coordinates.
     around : (k, n, 3), others beside each of them; NaN for what is not asked.
-    settled, passes, longest : as in `eye_rays.image_points`.
+    settled, passes, longest : as in `sheet_image_points.image_points`.
 
     Returns
     -------
@@ -106,6 +92,6 @@ def far_sizes(sheet: Sheet, eye: Array, rotation: Array, starts: Array, wanted: 
     """
     k, n = around.shape[:2]
     leaving, jacobian = np.empty((n, 3)), np.empty((1 + k, n, 2, 2))
-    _far_sizes(np.zeros(40), np.empty((2, 2)), sheet, eye, rotation, starts, wanted, around, settled, passes, longest, leaving,
-               jacobian)
+    _far_sizes(np.zeros(NUMBERS), np.zeros(WORKED_WITH), np.empty((2, 2)), sheet.numbers, eye, rotation, starts, wanted, around,
+               settled, passes, longest, leaving, jacobian)
     return leaving, jacobian

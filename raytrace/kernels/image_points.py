@@ -84,6 +84,39 @@ def rays_through(eye: Array, at: Array, rays: Array, turns: Array) -> None:
         turns[n, 1, 0], turns[n, 1, 1], turns[n, 1, 2] = -x * y / length, (1.0 - y * y) / length, -y * z / length
 
 
+@compiled(fastmath={"contract"}, _nrt=False)
+def smallest_axis(eye, wanted, n, at_infinity):
+    """The coordinate in which target n is nearest to the eye: misses are measured from it, for all rays to one target."""
+    least, size = 0, np.inf
+    for c in range(3):
+        far = abs(wanted[n, c] if at_infinity else wanted[n, c] - eye[c])
+        if far < size:
+            least, size = c, far
+    return least
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def miss_of(wanted, n, at_infinity, point, direction, least, miss, axes):
+    """`misses` of one ray into miss (2,) and axes (9,), of which the last three are τ; its reach."""
+    to_x, to_y, to_z = wanted[n, 0], wanted[n, 1], wanted[n, 2]
+    if not at_infinity:
+        to_x, to_y, to_z = to_x - point[0], to_y - point[1], to_z - point[2]
+    length = np.sqrt(to_x * to_x + to_y * to_y + to_z * to_z)
+    axes[6], axes[7], axes[8] = to_x / length, to_y / length, to_z / length
+    along = axes[6] * direction[0] + axes[7] * direction[1] + axes[8] * direction[2]
+    a, b = (least + 1) % 3, (least + 2) % 3
+    across = np.sqrt(axes[6 + a] * axes[6 + a] + axes[6 + b] * axes[6 + b])
+    axes[least], axes[a], axes[b] = 0.0, axes[6 + b] / across, -axes[6 + a] / across
+    for c in range(3):
+        i, j = (c + 1) % 3, (c + 2) % 3
+        axes[3 + c] = axes[6 + i] * axes[j] - axes[6 + j] * axes[i]
+    miss[0] = miss[1] = np.nan
+    if along > 0.0:
+        for k in range(2):
+            miss[k] = axes[3 * k] * direction[0] + axes[3 * k + 1] * direction[1] + axes[3 * k + 2] * direction[2]
+    return 0.0 if at_infinity else along / length
+
+
 @compiled(nogil=True)
 def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directions: Array, missed: Array, axes: Array,
            reach: Array) -> None:
@@ -91,34 +124,25 @@ def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directio
 
     axes (n, 2, 3) : across τ = (T − P)/|T − P|, that misses are measured along.   reach (n,) : (d·τ)/|T − P|, 1/mm.
     """
-    to = np.empty(3)
+    across = np.empty(9)
     for n in range(wanted.shape[0]):
-        missed[n, 0] = missed[n, 1] = np.nan
-        length, along = 0.0, 0.0
-        for c in range(3):
-            to[c] = wanted[n, c] if at_infinity else wanted[n, c] - points[n, c]
-            length += to[c] * to[c]
-        length = np.sqrt(length)
-        for c in range(3):
-            to[c] /= length
-            along += to[c] * directions[n, c]
-        # Two directions across the target's, from an axis that is the same for all rays to one target.
-        least, size = 0, np.inf
-        for c in range(3):
-            far = abs(wanted[n, c] if at_infinity else wanted[n, c] - eye[c])
-            if far < size:
-                least, size = c, far
-        a, b = (least + 1) % 3, (least + 2) % 3
-        across = np.sqrt(to[a] * to[a] + to[b] * to[b])
-        axes[n, 0, least], axes[n, 0, a], axes[n, 0, b] = 0.0, to[b] / across, -to[a] / across
-        for c in range(3):
-            i, j = (c + 1) % 3, (c + 2) % 3
-            axes[n, 1, c] = to[i] * axes[n, 0, j] - to[j] * axes[n, 0, i]
-        reach[n] = 0.0 if at_infinity else along / length
-        if along > 0.0:
-            for k in range(2):
-                missed[n, k] = (axes[n, k, 0] * directions[n, 0] + axes[n, k, 1] * directions[n, 1]
-                                + axes[n, k, 2] * directions[n, 2])
+        reach[n] = miss_of(wanted, n, at_infinity, points[n], directions[n], smallest_axis(eye, wanted, n, at_infinity),
+                           missed[n], across)
+        for k in range(2):
+            for c in range(3):
+                axes[n, k, c] = across[3 * k + c]
+
+
+@compiled(fastmath={"contract"}, _nrt=False)
+def newton_step(s00, s01, s10, s11, missed, longest, step):
+    """`newton_steps` of one ray whose misses change by (s00, s10) and (s01, s11)."""
+    determinant = s00 * s11 - s01 * s10
+    x = (s01 * missed[1] - s11 * missed[0]) / determinant
+    y = (s10 * missed[0] - s00 * missed[1]) / determinant
+    length = np.sqrt(x * x + y * y)
+    if length < np.inf:
+        shorter = longest / length if length > longest else 1.0
+        step[0], step[1] = shorter * x, shorter * y
 
 
 @compiled(nogil=True)
@@ -142,13 +166,7 @@ def newton_steps(missed: Array, axes: Array, reach: Array, by_points: Array, by_
                 slopes[k, i] = 0.0
                 for c in range(3):
                     slopes[k, i] += axes[n, k, c] * (by_directions[n, i, c] + reach[n] * by_points[n, i, c])
-        determinant = slopes[0, 0] * slopes[1, 1] - slopes[0, 1] * slopes[1, 0]
-        x = (slopes[0, 1] * missed[n, 1] - slopes[1, 1] * missed[n, 0]) / determinant
-        y = (slopes[1, 0] * missed[n, 0] - slopes[0, 0] * missed[n, 1]) / determinant
-        length = np.hypot(x, y)
-        if length < np.inf:
-            shorter = longest / length if length > longest else 1.0
-            steps[n, 0], steps[n, 1] = shorter * x, shorter * y
+        newton_step(slopes[0, 0], slopes[0, 1], slopes[1, 0], slopes[1, 1], missed[n], longest, steps[n])
 
 
 @compiled(nogil=True)

@@ -33,6 +33,12 @@ class Strips(NamedTuple):
     inverse_height: float
     interior: Array
 
+    def contain(self, u: Array, v: Array) -> NDArray[np.bool_]:
+        """Whether points u, v (n,) lie inside."""
+        answer = np.empty(len(u), dtype=np.bool_)
+        mark_inside(self, np.ascontiguousarray(u), np.ascontiguousarray(v), answer)
+        return answer
+
 
 @compiled(_nrt=False)
 def odd_to_the_right(edges, start, stop, u, v):

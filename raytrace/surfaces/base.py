@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
-from raytrace.kernels.eye_rays import Sheet
+from raytrace.kernels.sheet import Sheet
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.differentials import reflected_differentials, traced_differentials
 from raytrace.surfaces.rim import Curve

@@ -14,12 +14,12 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
 from raytrace.kernels import height_field, height_field_search, parametric
 from raytrace.kernels.blocks import Results
-from raytrace.kernels.eye_rays import Sheet, surface_points
 from raytrace.kernels.first_hit import first_hits
 from raytrace.kernels.height_field import HeightField
 from raytrace.kernels.outcomes import LOST
 from raytrace.kernels.parametric import Patches
 from raytrace.kernels.pieces import Pieces
+from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
 from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, no_transition, with_trimming_of
@@ -73,11 +73,8 @@ class BSplineFace(BoundedFace):
     @cached_property
     def sheet(self) -> Sheet | None:  # type: ignore[override]  # worked out once
         """Itself as one sheet z(x, y), with its trimming; None where it is none."""
-        field, strips = self.height_field, self.trimming.strips
-        if field is None:
-            return None
-        return Sheet(*field.cells, field.top, field.bottom, field.steepest, field.bend, self.one_sided, strips.first,
-                     strips.edges, strips.low, strips.inverse_height)
+        field = self.height_field
+        return None if field is None else Sheet(field, self.trimming.strips, self.one_sided)
 
     @cached_property
     def is_graph(self) -> bool:

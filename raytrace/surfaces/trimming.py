@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels.trimming import Strips, interior_spans, into_strips, mark_inside
+from raytrace.kernels.trimming import Strips, interior_spans, into_strips
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -51,6 +51,4 @@ class Trimming:
 
     def contains(self, u: Array, v: Array) -> NDArray[np.bool_]:
         """Which of the points (n,) lie inside."""
-        answer = np.empty(len(u), dtype=np.bool_)
-        mark_inside(self.strips, np.ascontiguousarray(u), np.ascontiguousarray(v), answer)
-        return answer
+        return self.strips.contain(u, v)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels import eye_rays
+from raytrace.kernels import sheet_differentials as kernel
 from raytrace.viewing.view import View
 
 Array = NDArray[np.float64]
@@ -103,8 +103,8 @@ def ray_differentials(view: View, places: Array) -> RayDifferentials:
     view = view.interpolated
     sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
     if sheet is not None:
-        return RayDifferentials(*eye_rays.ray_differentials(sheet, view.eye_in_mirror, np.ascontiguousarray(places),
-                                                            view.pose.rotation))
+        return RayDifferentials(*kernel.ray_differentials(sheet, view.eye_in_mirror, np.ascontiguousarray(places),
+                                                          view.pose.rotation))
     n = len(places)
     jacobian, shift, path = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
     traced = view.trace_places(places)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import TraceError
 from raytrace.kernels import eye_rays
+from raytrace.kernels.sheet import surface_points
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.surfaces.base import Box
@@ -185,9 +186,9 @@ class View:
             return places, self.untrimmed.trace_places(places)
         # Where the rays meet the sheet is known: nothing is searched.
         at = np.stack([x, y], axis=1)
-        surface = eye_rays.surface_points(sheet, at)
+        surface = surface_points(sheet, at)
         on_sheet = (surface[:, :2] == at).all(axis=1)
-        sure = eye_rays.reflected(sheet, self.posed, surface[on_sheet])
+        sure = eye_rays.rays_to(sheet, self.posed, surface[on_sheet])
         if sure is None:
             places = self.places_over(x, y)
             return places, self.untrimmed.trace_places(places)

@@ -9,10 +9,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels import eye_rays
 from raytrace.kernels import loops as kernel_loops
 from raytrace.kernels import sign_changes as kernel
-from raytrace.kernels.eye_rays import Sheet
+from raytrace.kernels.eye_rays import rays_to
+from raytrace.kernels.sheet import Sheet, surface_points
+from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots, values
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
 from raytrace.roots import SETTLED, roots
@@ -62,7 +63,7 @@ class RayFunction:
     def __call__(self, points: Array, directions: Array) -> Array:
         """Values (n,) of rays from points (n, 3) along directions (n, 3)."""
         found = np.empty(len(points))
-        eye_rays.values(self.coefficients, points, directions, found)
+        values(self.coefficients, points, directions, found)
         return found
 
 
@@ -101,7 +102,7 @@ class Edge:
     directions: Array
     following: Index
     way: Callable[[Index, Array], Array]
-    sheet_rim: tuple[Sheet, eye_rays.Rim] | None = None
+    sheet_rim: tuple[Sheet, Rim] | None = None
 
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
         """Trace rays through points of the edge between its vertices.
@@ -119,8 +120,8 @@ class Edge:
         """
         if self.sheet_rim is not None:
             sheet, rim = self.sheet_rim
-            surface = eye_rays.surface_points(sheet, eye_rays.rim_places(rim, k, t))
-            sure = eye_rays.reflected(sheet, self.view.posed, surface)
+            surface = surface_points(sheet, rim_points(rim, k, t))
+            sure = rays_to(sheet, self.view.posed, surface)
             if sure is not None:
                 return sure[0], TracedRays(np.zeros(len(k), dtype=np.int8), *sure[1:], surface[:, :3])
         places = self.way(k, t)
@@ -238,7 +239,7 @@ class Edge:
         """
         if isinstance(value, RayFunction) and self.sheet_rim is not None and len(k):
             whole = np.zeros(len(k))
-            share = eye_rays.rim_roots(*self.sheet_rim, self.view.posed, value.coefficients, k, whole + low, whole + high,
+            share = rim_roots(*self.sheet_rim, self.view.posed, value.coefficients, k, whole + low, whole + high,
                                        at_low, at_high, SETTLED)
             if share is not None:
                 return self.between(k, share)
@@ -273,7 +274,7 @@ def edge_of(view: View) -> Edge:
         whole = view.untrimmed if face is view.reflector.surface else replace(view, reflector=_alone(face).untrimmed)
         sheet = whole.reflector.surface.sheet
         if sheet is not None and not _stands_before(view, rim.points):
-            sure = eye_rays.reflected(sheet, view.posed, _on_sheet(face))
+            sure = rays_to(sheet, view.posed, _on_sheet(face))
             if sure is not None:
                 return Edge(view, whole, True, True, *sure, rim.following, lambda k, t: view.places_of(rim.at(k, t)),
                             (sheet, rim.pieces))
@@ -352,9 +353,9 @@ class _Rim:
     following: Index
 
     @property
-    def pieces(self) -> eye_rays.Rim:
+    def pieces(self) -> Rim:
         """As the kernels take it."""
-        return eye_rays.Rim(self.start, self.end, self.first, self.count)
+        return Rim(self.start, self.end, self.first, self.count)
 
     def at(self, k: Index, t: Array) -> Array:
         """Points (m, 3) at shares t (m,) of the way from vertices k (m,) to the following ones, piece by piece."""
@@ -390,11 +391,11 @@ def _rim(face: BoundedFace) -> _Rim | None:
 
 @lru_cache(maxsize=8)
 def _on_sheet(face: BoundedFace) -> Array:
-    """The vertices of a face's rim as `eye_rays.surface_points` has them: the same for every eye."""
+    """The vertices of a face's rim as `raytrace.kernels.sheet.surface_points` has them: the same for every eye."""
     rim, sheet = _rim(face), face.sheet
     assert rim is not None
     assert sheet is not None
-    return eye_rays.surface_points(sheet, rim.start[rim.first])
+    return surface_points(sheet, rim.start[rim.first])
 
 
 def _grid(view: View) -> Array:

@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels import eye_rays
 from raytrace.kernels import image_points as nearest_kernel
 from raytrace.kernels import sign_changes as signs
-from raytrace.kernels.eye_rays import Posed, Sheet
+from raytrace.kernels.eye_rays import Posed, rays_to, trace
+from raytrace.kernels.sheet import Sheet, surface_points
+from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots
 from raytrace.rays import Status
 from raytrace.roots import SETTLED
 from raytrace.viewing.view import Mask
@@ -54,7 +55,7 @@ class Edges:
         return len(self.edges)
 
     @cached_property
-    def sheet_rim(self) -> tuple[Sheet, eye_rays.Rim] | None:
+    def sheet_rim(self) -> tuple[Sheet, Rim] | None:
         """The sheet and the rim that all share, of which no search is made; None for one edge, which knows itself."""
         first = self.edges[0]
         shared = len(self.edges) > 1 and first.sheet_rim is not None and all(
@@ -75,7 +76,7 @@ class Edges:
         if self.sheet_rim is None:
             return np.array([len(one.places) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
         centres = np.stack([one.extent[0] for one in self.edges])
-        status, _, directions, _ = eye_rays.trace(self.sheet_rim[0], self.posed, centres, np.arange(len(self.edges)))
+        status, _, directions, _ = trace(self.sheet_rim[0], self.posed, centres, np.arange(len(self.edges)))
         return np.array([one.shows_more_than_half(one.middle_of(status[j] == Status.REFLECTED, directions[j]))
                          for j, one in enumerate(self.edges)])
 
@@ -95,11 +96,11 @@ class Edges:
         at_low, at_high = function(points, directions), function(after, after_directions)
         if self.sheet_rim is not None and len(k):
             sheet, rim = self.sheet_rim
-            share = eye_rays.rim_roots(sheet, rim, self.posed, function.coefficients, k, np.zeros(len(k)), np.ones(len(k)),
+            share = rim_roots(sheet, rim, self.posed, function.coefficients, k, np.zeros(len(k)), np.ones(len(k)),
                                        at_low, at_high, SETTLED, of)
             if share is not None:
-                surface = eye_rays.surface_points(sheet, eye_rays.rim_places(rim, k, share))
-                sure = eye_rays.reflected(sheet, self.posed, surface, of)
+                surface = surface_points(sheet, rim_points(rim, k, share))
+                sure = rays_to(sheet, self.posed, surface, of)
                 if sure is not None:
                     return sure
         places = np.empty((len(k), 2))
@@ -140,7 +141,7 @@ class Edges:
             places[index] = at[index]
             trimmed = self.edges[0].of.reflector.surface.sheet
             assert trimmed is not None
-            inside[index] = eye_rays.inside(trimmed, leaving[index])
+            inside[index] = trimmed.strips.contain(*leaving[index, :2].T)
             return places, inside
         for j, rows in self._rows(of):
             places[rows], inside[rows] = self.edges[j].image_points(targets[rows])
@@ -172,7 +173,7 @@ class Edges:
         surface = grid_on_sheet(view.reflector.surface, self.edges[0].of.box)
         asked, owner = np.unique(of, return_inverse=True)
         n = len(surface)
-        found = eye_rays.reflected(self.sheet_rim[0], self.posed, np.tile(surface, (len(asked), 1)), np.repeat(asked, n))
+        found = rays_to(self.sheet_rim[0], self.posed, np.tile(surface, (len(asked), 1)), np.repeat(asked, n))
         if found is None:
             return None
         starts, points, directions = found

@@ -7,9 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels import eye_rays
 from raytrace.kernels import image_points as kernel
-from raytrace.kernels.eye_rays import Sheet
+from raytrace.kernels import sheet_image_points
+from raytrace.kernels.eye_rays import NONE, rays_to
+from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.parallel import parallel_for
 from raytrace.surfaces.base import Box, OpticalSurface
 from raytrace.trace import reflect
@@ -83,7 +84,7 @@ def shown_inside(view: View, on_mirror: Array, places: Array | None = None) -> M
     """
     sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
     if sheet is not None:
-        return eye_rays.inside(sheet, on_mirror)
+        return sheet.strips.contain(*on_mirror[:, :2].T)
     return view.trace_places(view.places_of(on_mirror) if places is None else places).seen
 
 
@@ -115,7 +116,7 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
     wanted = np.ascontiguousarray(view.pose.directions_to_mirror(targets) if at_infinity else view.pose.to_mirror(targets))
     sheet = reflector.surface.sheet
     if sheet is not None and reflector.obstacles is None:
-        return solve_on_sheet(sheet, eye[None], eye_rays.NONE, starts, wanted, at_infinity, max_steps, size)
+        return solve_on_sheet(sheet, eye[None], NONE, starts, wanted, at_infinity, max_steps, size)
     best, kept, leaving = np.full(n, np.inf), starts.copy(), np.full((n, 3), np.nan)
     # Of the rays that are still going: which they are, where they are, their last steps and how short these may become.
     going = np.flatnonzero(np.isfinite(starts).all(axis=1) & np.isfinite(wanted).all(axis=1))
@@ -144,9 +145,9 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
 
 def solve_on_sheet(sheet: Sheet, eyes: Array, of: Index, starts: Array, wanted: Array, at_infinity: bool, max_steps: int,
                    size_mm: float) -> tuple[Array, Array, Array]:
-    """`eye_rays.image_points` with the numbers of this file; `size_mm` : the mirror's width."""
-    return eye_rays.image_points(sheet, eyes, of, np.ascontiguousarray(starts), wanted, at_infinity, max_steps, SETTLED,
-                                 PASSES_BY, SMALLEST_STEP * size_mm, LONGEST_STEP * size_mm, HALVED_TO)
+    """`sheet_image_points.image_points` with the numbers of this file; `size_mm` : the mirror's width."""
+    return sheet_image_points.image_points(sheet, eyes, of, np.ascontiguousarray(starts), wanted, at_infinity, max_steps,
+                                           SETTLED, PASSES_BY, SMALLEST_STEP * size_mm, LONGEST_STEP * size_mm, HALVED_TO)
 
 
 @lru_cache(maxsize=8)
@@ -159,7 +160,7 @@ def _start_rays(view: View) -> tuple[Array, Array, Array]:
     sheet = untrimmed.reflector.surface.sheet
     if sheet is not None:  # the points of the sheet itself over the grid: the same for every eye
         surface = grid_on_sheet(untrimmed.reflector.surface, view.box)
-        sure = eye_rays.reflected(sheet, view.posed, surface)
+        sure = rays_to(sheet, view.posed, surface)
         if sure is not None:
             return sure
     x, y = _start_grid(view.box)
@@ -179,10 +180,10 @@ def _start_grid(box: Box) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=8)
 def grid_on_sheet(surface: OpticalSurface, box: Box) -> Array:
-    """The start grid as `eye_rays.surface_points` has it, without what lies beside the sheet."""
+    """The start grid as `raytrace.kernels.sheet.surface_points` has it, without what lies beside the sheet."""
     at = np.stack(_start_grid(box), axis=1)
     assert surface.sheet is not None
-    found = eye_rays.surface_points(surface.sheet, at)
+    found = surface_points(surface.sheet, at)
     return found[(found[:, :2] == at).all(axis=1)]
 
 
