@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import difflib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from mirror_cad.limits import limit_units
 
 _PLAIN_TYPES = {
     "float_type": "must be a number", "int_type": "must be a whole number", "string_type": "must be text",
-    "int_from_float": "must be a whole number", "finite_number": "must be finite", "tuple_type": "must be a list",
+    "bool_type": "must be true or false", "int_from_float": "must be a whole number", "finite_number": "must be finite",
+    "tuple_type": "must be a list",
     "model_type": "must be a section", "model_attributes_type": "must be a section", "dict_type": "must be a section",
     "string_pattern_mismatch": "must be letters, digits, '.', '_' and '-' only, up to 64 of them and starting with a "
                                "letter or digit: it names files, so no path",
@@ -88,10 +90,10 @@ def _sentence(detail: Any, raw: dict[str, Any], root: type[BaseModel]) -> str:
         return f"{where}.law: this key is required: one of {', '.join(_laws(keys, root))}"
     if kind == "union_tag_invalid":
         law, laws = value["law"], _laws(keys, root)
-        return f"{where}.law = {_short(law)}: must be one of {', '.join(laws)}{_nearest(law, laws)}"
+        return f"{where}.law = {_short(law)}: must be one of {', '.join(laws)}{_meant(law, laws)}"
     if kind == "literal_error":
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
-        return f"{shown}: must be one of {context['expected']}{_nearest(value, words)}"
+        return f"{shown}: must be one of {context['expected']}{_meant(value, words)}"
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         return f"{shown}: must be {_range(keys, raw, context, root)}"
     if kind == "value_error":
@@ -135,7 +137,7 @@ def _model_at(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> ty
                 return None
             model = found
             continue
-        field = model.model_fields.get(str(key))
+        field = _field(model, str(key))
         candidates = [field.annotation, *get_args(field.annotation)] if field else []
         nested = [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]
         if not nested:
@@ -144,10 +146,15 @@ def _model_at(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> ty
     return model
 
 
+def _field(model: type[BaseModel], key: str) -> FieldInfo | None:
+    """A key's field, which has another name where the key is a word of Python's."""
+    return next((field for name, field in model.model_fields.items() if (field.alias or name) == key), None)
+
+
 def _range(keys: list[Any], raw: dict[str, Any], context: dict[str, Any], root: type[BaseModel]) -> str:
     names = [key for key in keys if not isinstance(key, int)]
     model = _model_at(names, raw, root)
-    field = model.model_fields.get(str(names[-1])) if model else None
+    field = _field(model, str(names[-1])) if model else None
     limits = dict(context)
     for mark in field.metadata if field else ():
         limits |= {side: getattr(mark, side) for side in ("gt", "ge", "lt", "le") if hasattr(mark, side)}
@@ -176,7 +183,12 @@ def _with_law(keys: list[Any], raw: dict[str, Any], root: type[BaseModel]) -> st
     return f" (the law here is {_law_of(raw[keys[0]])!r})"
 
 
-def _nearest(word: Any, names: Any) -> str:
-    names = [str(name) for name in names]
-    near = difflib.get_close_matches(str(word), names, n=1, cutoff=0.5)
-    return f"; did you mean {near[0]!r}?" if near else f"; known here: {', '.join(names)}" if len(names) <= 14 else ""
+def _meant(word: Any, names: Iterable[str]) -> str:
+    """The nearest of names that the sentence lists already."""
+    near = difflib.get_close_matches(str(word), list(names), n=1, cutoff=0.5)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _nearest(word: Any, names: list[str]) -> str:
+    """The nearest name, or all of them where there are few."""
+    return _meant(word, names) or (f"; known here: {', '.join(names)}" if len(names) <= 14 else "")

@@ -157,7 +157,7 @@ def test_glass_before_the_mirror_is_told_beside_its_reflectance() -> None:
 
     spec = load_spec("sphere-1250")
     spec = spec.model_copy(update={"glass": spec.glass.model_copy(update={"reflecting": "back"}),
-                                   "rules": RulesSection(rule="R46", class_name="III", reflectance_percent=55.0)})
+                                   "rules": RulesSection(**{"rule": "R46", "class": "III", "reflectance_percent": 55.0})})
     reflector = exported(spec)
     found = surface_lines(spec, reflector)
     assert found is not None

@@ -72,6 +72,26 @@ def test_messages_hold_nothing_unseen_and_no_parsers_words(sections: dict[str, o
     assert "<unknown>" not in str(caught.value)
 
 
+LAWS = {"horizontal": {"law": "constant", "radius_mm": 1250.0}, "vertical": {"law": "constant", "radius_mm": 1250.0}}
+
+
+@pytest.mark.parametrize(("sections", "message"), [
+    ({**LAWS, "eye": {"aligned": "top"}}, "eye.aligned = \"top\": must be one of 'right', 'centre' or 'left'"),
+    ({**LAWS, "eye": {"aligned": "lft"}},
+     "eye.aligned = \"lft\": must be one of 'right', 'centre' or 'left'; did you mean 'left'?"),
+    ({**LAWS, "vertical": {"law": "?"}},
+     "vertical.law = \"?\": must be one of constant, linear, power, zones, table, expression"),
+    ({"surface": {"method": "vew"}, "target": {"projection": "perspective", "azimuth_deg": [-3.0, 3.0],
+                                               "elevation_deg": [-3.0, 3.0]}},
+     "surface.method = \"vew\": must be one of 'decoupled', 'faithful', 'sphere' or 'view'; did you mean 'view'?"),
+    ({**LAWS, "rules": {"rule": "R46", "class": 5}}, "rules.class = 5: must be text"),
+    ({**LAWS, "rules": {"rule": "R46", "class_name": "V"}}, "rules.class_name: unknown key; did you mean 'class'?")])
+def test_a_wrong_choice_is_told_once_and_by_the_key_that_the_file_has(sections: dict[str, object], message: str) -> None:
+    with pytest.raises(mirror_cad.SpecError) as caught:
+        mirror_cad.spec.file.validate_spec(sections)
+    assert caught.value.faults == [f"specification: {message}"]
+
+
 def test_a_table_from_csv_beside_the_spec_is_the_law(tmp_path: Path, spec_file: Callable[[str], Path]) -> None:
     x = np.linspace(-115.0, 115.0, 24)
     kappa = 1e-3 + 4e-9 * (115.0 - x) ** 2

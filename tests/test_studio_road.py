@@ -216,7 +216,7 @@ def test_nothing_of_the_road_is_loaded_before_it_is_asked_for() -> None:
 
 def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
     """Every key of a specification, with dots; those of all laws."""
-    for name, info in model.model_fields.items():
+    for name, info in ((info.alias or name, info) for name, info in model.model_fields.items()):
         if info.annotation is Law:
             for law in registered().values():
                 yield from keys_of(law, f"{prefix}{name}.")
@@ -237,7 +237,7 @@ WITHOUT_CONTROL |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.
 WITHOUT_CONTROL |= {f"target.{key}" for key in ("projection", "azimuth_deg", "elevation_deg", "x_mm", "y_mm", "eye", "convex")}
 # The panel of rules has what is asked for (tests/test_studio_rules.py); the spherometer's legs are the file's.
 WITHOUT_CONTROL |= {f"rules.{key}" for key in (
-    "rule", "class_name", "leg_mm", "reflectance_percent", "reflectance_night_percent")}
+    "rule", "class", "leg_mm", "reflectance_percent", "reflectance_night_percent")}
 WITHOUT_CONTROL |= {f"outline.{key}" for key in ("file", "layer", "join_mm", "loop")}  # how the file is read: its TOML's
 
 

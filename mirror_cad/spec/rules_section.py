@@ -20,7 +20,7 @@ class RulesSection(Section):
     the rule's.   reflectance_percent, reflectance_night_percent : as the maker measured them.
     """
 
-    model_config = ConfigDict(serialize_by_alias=True, validate_by_name=True, validate_by_alias=True)
+    model_config = ConfigDict(serialize_by_alias=True)
 
     rule: Name
     class_name: Annotated[Name | None, Field(alias="class")] = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import (
     ConfigDict,
@@ -87,12 +87,14 @@ class Glass(Section):
     index: Annotated[Number, Field(ge=1, le=3), Shown("Refractive index", 1.0, 2.0, 0.005)] = 1.52
 
 
+_METHODS = Literal["decoupled", "faithful", "sphere", "view"]
+
+
 class SurfaceSpec(Section):
     """How the surface is made, of the two laws or of a wanted view, and how closely."""
 
-    method: Annotated[Literal["decoupled", "faithful", "sphere", "view"],
-                      Shown("Method", words=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful"),
-                                             ("sphere", "sphere")))] = "decoupled"
+    method: Annotated[_METHODS, Shown("Method", words=(("decoupled", "decoupled (the paper's)"), ("faithful", "faithful"),
+                                                       ("sphere", "sphere")))] = "decoupled"
     integration: Annotated[Literal["quadrature", "euler", "rk4"],
                            Shown("Integration", words=(("quadrature", "quadrature"), ("euler", "Euler (the paper's)"),
                                                        ("rk4", "Runge–Kutta 4")))] = "quadrature"
@@ -298,7 +300,8 @@ class MirrorSpec(Section):
             return content
         surface = content.get("surface")
         method = surface.get("method") if isinstance(surface, Mapping) else getattr(surface, "method", None)
-        return content if method != "view" else {"horizontal": Unstated(), "vertical": Unstated(), **content}
+        meant = content.get("target") is not None and method not in (None, *get_args(_METHODS))  # a slip is told once
+        return content if method != "view" and not meant else {"horizontal": Unstated(), "vertical": Unstated(), **content}
 
     @property
     def has_laws(self) -> bool:

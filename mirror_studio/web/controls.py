@@ -154,7 +154,7 @@ def _law(section: str, axis: str) -> tuple[Control, ...]:
 
 def _keys(model: type[BaseModel], before: str, axis: str = "", given: bool = False) -> Iterator[Control]:
     """The controls of a section's keys.   given : the section itself may be left out, so that its keys are all optional."""
-    for name, field in model.model_fields.items():
+    for name, field in ((field.alias or name, field) for name, field in model.model_fields.items()):
         shown, kinds = _shown(field), _kinds(field.annotation)
         sections = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
         if sections and before:
