@@ -170,11 +170,11 @@ def _past_edge_and_rise(sheet: Reflector, poses: Sequence[Pose], eye: Array, edg
     m, n = len(poses), len(places)
     rotations, offsets = np.stack([pose.rotation for pose in poses]), np.stack([pose.offset for pose in poses])
     eyes = np.einsum("mji,mj->mi", rotations, eye - offsets)
-    field = sheet.surface.sheet
-    if field is not None and (eyes[:, 2] > field.field.top).all():
+    graph = sheet.surface.sheet
+    if graph is not None and (eyes[:, 2] > graph.field.top).all():
         share = (eyes[:, 2:] / (eyes[:, 2:] - places[:, 2]))[:, :, None]
         through = eyes[:, None, :2] + (places[:, :2] - eyes[:, None, :2]) * share
-        status, points, ways, _ = eye_rays.trace(field, eye_rays.Posed(eyes, rotations, offsets), through.reshape(-1, 2),
+        status, points, ways, _ = eye_rays.trace(graph, eye_rays.Posed(eyes, rotations, offsets), through.reshape(-1, 2),
                                                  np.repeat(np.arange(m), n))
     else:
         traces = [reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at) for at in eyes]
