@@ -461,7 +461,7 @@ def studio(*, port: int = 8642, browser: bool = True, study: Path | None = None)
     try:
         from mirror_studio.web.server import BadPortError, serve
     except ModuleNotFoundError as error:
-        if error.name not in ("fastapi", "uvicorn", "websockets", "starlette"):
+        if error.name not in ("starlette", "uvicorn", "websockets"):
             raise
         print(f"mirror-cad: the studio needs {error.name}: install the project with its extra \"studio\"", file=sys.stderr)
         return BAD_INPUT

@@ -27,7 +27,7 @@ from mirror_studio.web.protocol import ViewSettings
 from raytrace.image import photograph
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import lane_straightness_percent
-from raytrace.measures.registry import measures_of
+from raytrace.measures.registry import measures_of, registered
 from raytrace.rays import Status
 from raytrace.reflector import TRIM_CHORD_MM, Reflector
 from raytrace.scene.reference import Picture, landed, load_picture
@@ -54,6 +54,7 @@ LAYOUTS = {1: ((1, 1),), 2: ((2, 1), (1, 2)), 4: ((4, 1), (2, 2))}  # columns an
 # What the page has columns of its own for.
 IN_FIGURES = {"h_fov_section_deg", "h_fov_traced_deg", "v_fov_left_section_deg", "v_fov_left_traced_deg",
               "lane_straightness_percent"}
+SURELY_BEFORE_MM = 1.0  # of the places of the map: whether an eye that is nearer is before the mirror, its rim tells
 CACHED = 6  # designs kept: undo, redo and the pinned one come at once
 
 
@@ -105,8 +106,17 @@ class Designed:
                 "lane_straightness_percent": {
                     "traced": lane_straightness_percent(surface, eye, turn.lane(self.setup.lane), mirror.box)}}
 
-    def measures(self, turn: MirrorPose) -> list[dict[str, str | float | None]]:
-        """The registered measures of the mirror alone that `figures` does not have, as the page shows them."""
+    def measures(self, turn: MirrorPose, fine: bool) -> list[dict[str, str | float | None]]:
+        """The registered measures of the mirror alone that `figures` does not have, as the page shows them.
+
+        While a slider moves those alone that have a name of their own; families are asked when the hand rests.
+
+        Raises: TraceError for an eye that is not before the mirror.
+        """
+        own = any(one.scope == "setup" and name not in IN_FIGURES for name, one in registered().items())
+        before = float(turn.to_mirror(self.setup.eye)[2]) > max(float(self.maps["z"].max()), 0.0) + SURELY_BEFORE_MM
+        if before and not own and not fine:
+            return []
         use = self.setup.in_use(self.reflector, self.mirror)
         seen = replace(use, setup=replace(use.setup, eye=turn.to_mirror(self.setup.eye)))
         return [{"name": name, "title": one.title, "unit": one.unit, "decimals": one.decimals, "definition": one.definition,
@@ -211,7 +221,7 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool = False, users_mirror:
             pictures[f"{name}{number}"] = jpeg(view, quality)
     end = time.perf_counter()
     header = described(one, fine) | {
-        "figures": figures, "measures": one.measures(turn), "plane_z_mm": one.setup.plane_z_mm,
+        "figures": figures, "measures": one.measures(turn, fine), "plane_z_mm": one.setup.plane_z_mm,
         "eyes_mm": [turn.to_mirror(eye).tolist() for eye in eyes],
         "frames": {name: [frame.left, frame.top, frame.pixel, frame.columns, frame.rows] for name, frame in frames.items()},
         "scene_mm": list(scene.bounds()), "layout": layout,

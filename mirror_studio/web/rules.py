@@ -7,10 +7,7 @@ from typing import TYPE_CHECKING
 
 from mirror_cad.errors import SpecError
 from mirror_studio.json_types import Json
-from mirror_studio.rules.measuring import Mounted
-from mirror_studio.rules.of_spec import measured_of, rule_of_spec
 from mirror_studio.rules.schema import QUANTITIES, RULES, load_rule, rule_names
-from mirror_studio.rules.verdicts import ON_VEHICLE, judged
 from mirror_studio.web.protocol import ViewSettings
 
 if TYPE_CHECKING:
@@ -57,7 +54,11 @@ def ruled(one: Designed, look: ViewSettings, fine: bool) -> dict[str, Json]:
     MirrorError
         For a rule, class or mirror that there cannot be.
     """
+    # With the tracer, which the page's start does not wait for.
+    from mirror_studio.rules.measuring import Mounted
+    from mirror_studio.rules.of_spec import measured_of, rule_of_spec
     from mirror_studio.rules.sheet import row_of
+    from mirror_studio.rules.verdicts import ON_VEHICLE, judged
 
     spec = one.mirror.spec
     named = rule_of_spec(spec)

@@ -20,10 +20,13 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
-from fastapi import FastAPI, Request, WebSocket
-from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from pydantic import ValidationError
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket
 
 from mirror_cad.errors import FileError, SpecError
 from mirror_cad.laws import Table
@@ -115,7 +118,7 @@ def create_app(port: int, front: Front | None = None, study: Path | None = None)
     open_ = 0
 
     @contextlib.asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
         app.state.shared = shared = Shared(Uploads(), Downloads())
         shared.quick.submit(_warm)
         try:
@@ -123,27 +126,22 @@ def create_app(port: int, front: Front | None = None, study: Path | None = None)
         finally:
             shared.close()
 
-    app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-
     def shared() -> Shared:
         found: Shared = app.state.shared
         return found
 
-    @app.get("/")
-    async def index() -> Response:
+    async def index(request: Request) -> Response:
         return Response(static["index.html"], media_type=MEDIA[".html"])
 
-    @app.get("/static/{name}")
-    async def file(name: str) -> Response:
+    async def file(request: Request) -> Response:
+        name = request.path_params["name"]
         if name not in static:
             return PlainTextResponse("there is no such file", 404)
         return Response(static[name], media_type=MEDIA[f".{name.rsplit('.', 1)[1]}"])
 
-    @app.get("/start")
-    async def beginning() -> Response:
+    async def beginning(request: Request) -> Response:
         return Response(start, media_type="application/json")
 
-    @app.websocket("/ws")
     async def ws(connection: WebSocket) -> None:
         nonlocal open_
         await connection.accept()
@@ -156,30 +154,25 @@ def create_app(port: int, front: Front | None = None, study: Path | None = None)
         finally:
             open_ -= 1
 
-    @app.post("/upload/{kind}")
-    async def upload(kind: str, request: Request, ending: str = "", name: str = "") -> Response:
-        return await _answered(shared(), _upload(shared(), kind, ending.lower(), name, request))
+    async def upload(request: Request) -> Response:
+        return await _answered(shared(), _upload(shared(), request))
 
-    @app.get("/study")
-    async def of_study() -> Response:
+    async def of_study(request: Request) -> Response:
         if front is None:
             return PlainTextResponse("the studio was started without a study", 404)
         return await _answered(shared(), asyncio.to_thread(front_as_json, front, study, shared().uploads))
 
-    @app.post("/front")
     async def dropped(request: Request) -> Response:
         return await _answered(shared(), _front(shared(), request))
 
-    @app.post("/picture")
     async def picture(request: Request) -> Response:
         return await _answered(shared(), _picture(shared(), request))
 
-    @app.post("/toml")
     async def toml(request: Request) -> Response:
         return await _answered(shared(), _toml(shared(), request))
 
-    @app.api_route("/files/{token}/{kind}", methods=["GET", "HEAD"])
-    async def files(token: str, kind: str) -> Response:
+    async def files(request: Request) -> Response:
+        token, kind = request.path_params["token"], request.path_params["kind"]
         made = shared().downloads.get(token)
         if made is None or kind not in KINDS:
             return PlainTextResponse("these files are no longer here: make them again", 404)
@@ -193,6 +186,11 @@ def create_app(port: int, front: Front | None = None, study: Path | None = None)
             return PlainTextResponse("there is no such file in this set", 404)
         return FileResponse(path, media_type=media, filename=name)
 
+    posts = {"/upload/{kind}": upload, "/front": dropped, "/picture": picture, "/toml": toml}
+    gets = {"/": index, "/static/{name}": file, "/start": beginning, "/study": of_study, "/files/{token}/{kind}": files}
+    app = Starlette(lifespan=lifespan, routes=[
+        *(Route(path, answer, methods=["GET"]) for path, answer in gets.items()),
+        *(Route(path, answer, methods=["POST"]) for path, answer in posts.items()), WebSocketRoute("/ws", ws)])
     return Guarded(app, port)
 
 
@@ -218,7 +216,9 @@ async def _answered(shared: Shared, work: Any) -> Response:
         return JSONResponse({"faults": shared.faults_of(error)}, 400)
 
 
-async def _upload(shared: Shared, kind: str, ending: str, name: str, request: Request) -> dict[str, Any]:
+async def _upload(shared: Shared, request: Request) -> dict[str, Any]:
+    kind, asked = request.path_params["kind"], request.query_params
+    ending, name = asked.get("ending", "").lower(), asked.get("name", "")
     if kind not in LIMITS:
         raise FileError(f"files of the kind {kind[:20]!r} are not taken; {', '.join(LIMITS)} are")
     check(kind, ending, int(request.headers.get("content-length") or 0))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Literal
 
@@ -127,6 +128,7 @@ def measures_of(use: MirrorInUse, scope: Scope | None = None) -> dict[str, Measu
     return {each.name: each for group in GROUPS for each in kept if each.group == group}
 
 
+@cache
 def _load() -> None:
     """Import every file of this package: each registers what it measures."""
     package = import_module("raytrace.measures")

@@ -51,6 +51,7 @@ const stage = new Stage(find("#driver-view"), find("#readout"), {
   probe: (at) => wire.ask({ type: "probe", ...at }),
   due: () => wire.flying.size > 0,
   presented({ fine, flight }) {
+    beside(fine);
     if (fine) setTimeout(() => requestAnimationFrame(done)); // after what `paint` draws
     else if (flight) measure(flight);
   },
@@ -157,10 +158,19 @@ function done() {
   if (wire.flying.size === 0 && !wire.next) document.body.dataset.due = "no";
 }
 
-// Everything but the driver's view is drawn when an answer has come, or when none comes for a while: on a machine without a
-// graphics card each drawing takes the time that the next picture needs. What is to be had from the plan can wait longer.
-const ANSWER_MS = 120, PLAN_MS = 200;
-let fresh = null, waiting = 0, planned = 0;
+// Everything but the driver's view is drawn when a picture is on the screen, or when none comes for a while: on a machine without
+// a graphics card each drawing takes the time that the next picture needs. So it is not drawn beside each picture while a hand
+// drags, and what is to be had from the plan can wait longer.
+const ANSWER_MS = 120, PLAN_MS = 200, BESIDE_MS = 100;
+let fresh = null, waiting = 0, planned = 0, drawnBeside = -Infinity, besideTimer = 0;
+function beside(fine) {
+  clearTimeout(besideTimer);
+  const left = fine ? 0 : drawnBeside + BESIDE_MS - performance.now();
+  if (left > 0) { besideTimer = setTimeout(beside, left); return; }
+  drawnBeside = performance.now();
+  figures.shown(answer, pinned?.answer); // in the picture's frame: who waits for that finds them
+  paint(true);
+}
 function paint(soon) {
   if (waiting && !soon) return;
   clearTimeout(waiting);
@@ -227,11 +237,9 @@ wire = new Wire({
     for (const law of laws) law.answer = message;
     well("design");
     road.shown(message);
-    figures.shown(message, pinned?.answer); // before the picture: who waits for that finds them
     message.flight = flight;
-    stage.show(message);
     fresh = message;
-    paint(true);
+    stage.show(message);
     rules.due(message.fine);
   },
   working(message) { if (!answer || message.id > answer.id) road.working(message); },
