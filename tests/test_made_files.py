@@ -124,7 +124,7 @@ def test_a_mirror_that_reflects_from_its_back_is_seen_through_its_glass(tmp_path
                    'law = "constant"\nradius_mm = 1200.0\n[surface]\nmethod = "sphere"\n[glass]\nreflecting = "back"\n'
                    "thickness_mm = 4.0\n")
     made = design(load_spec(spec))
-    content = inspection(tmp_path, written(tmp_path / "points.csv", table(made.grid_points(5.0)[:, :3])), against=str(spec),
+    content = inspection(tmp_path, written(tmp_path / "points.csv", table(made.grid_points(8.0)[:, :3])), against=str(spec),
                          more=("--align", "none"))
     seen = content["driver"]["measures"]["h_fov_traced_deg"]  # type: ignore[index]
     use = ViewingSetup.of(made.spec, made.box).in_use(Reflector.from_mirror(made), made)

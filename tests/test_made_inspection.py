@@ -16,7 +16,7 @@ from mirror_cad.made.alignment import AlignmentError, best_fit
 from mirror_cad.made.figures import figures
 from mirror_cad.made.form_error import with_form_error
 from mirror_cad.made.hidden_form import hidden_form
-from mirror_cad.made.inspection import Inspection
+from mirror_cad.made.inspection import Inspection, _first_of_equal
 from mirror_cad.made.inspection import inspect as inspect_over
 from mirror_cad.made.measured_surface import measured_surface
 from mirror_cad.made.motion import Motion
@@ -96,6 +96,17 @@ def test_outliers_are_left_out_and_counted() -> None:
     assert found.sigma_mm == pytest.approx(0.005, rel=0.1)
     assert 0.8 * wrong.sum() < sum(found.left_out.values()) < 1.1 * wrong.sum()
     assert main.percent["kx"].rms == pytest.approx(main.percent["kx"].sigma, rel=0.35)
+
+
+def test_equal_points_count_once_and_opposite_ones_are_not_equal() -> None:
+    """Whatever signs they have: on a mirror of revolution (x, y, z) and (−x, −y, z) are both measured."""
+    rng = np.random.default_rng(4)
+    one = np.round(rng.uniform(0.0, 200.0, (400, 3)), 1)
+    signs = np.array([[a, b, c] for a in (-1.0, 1.0) for b in (-1.0, 1.0) for c in (-1.0, 1.0)])
+    every = (one[:, None] * signs).reshape(-1, 3)
+    assert len(_first_of_equal(every)) == len(np.unique(every, axis=0)) == 3200
+    twice = np.concatenate([every, every[::3], [[0.0, 1.0, 2.0], [-0.0, 1.0, 2.0]]])
+    assert _first_of_equal(twice).tolist() == [*range(3200), len(twice) - 2]
 
 
 def test_what_was_not_measured_is_not_known() -> None:

@@ -182,8 +182,14 @@ def _refuse_two_surfaces(found: Reconstruction, size_mm: float) -> None:
 def _first_of_equal(points: Array) -> NDArray[np.int64]:
     """The rows that no earlier row equals, rising."""
     bits = np.ascontiguousarray(points + 0.0).view(np.uint64)
+    keys = np.zeros(len(points), dtype=np.uint64)
     with np.errstate(over="ignore"):
-        keys = ((bits[:, 0] * MIXING[0] ^ bits[:, 1]) * MIXING[1] ^ bits[:, 2]) * MIXING[2]
-    keys ^= keys >> np.uint64(29)
-    _, first = np.unique(keys, return_index=True)
+        for column, factor in zip(bits.T, MIXING, strict=True):
+            # The shift brings high bits down: a product alone leaves the sign in the highest one, where those of two
+            # coordinates undo each other.
+            keys = (keys ^ column) * factor
+            keys ^= keys >> np.uint64(29)
+    _, first, of = np.unique(keys, return_index=True, return_inverse=True)
+    if (bits[first[of]] != bits).any():  # by chance one key for two places: compared as they are
+        first = np.unique(bits, axis=0, return_index=True)[1]
     return np.sort(first)
