@@ -78,9 +78,9 @@ def test_the_size_over_that_in_a_flat_mirror_is_the_magnification_at_that_distan
     view = View(spline("progressive-c"), POSE, EYE)
     small = Face(20.0, 1500.0, -3500.0)
     (size,) = angular_sizes(view, replace(small, height_mm=1500.0), (20_000.0,))
-    places, _ = image_points(view, np.array([[20_000.0, -3500.0, 750.0]]))
-    start = view.trace_places(places).points[0]
-    found = ray_differentials(view, places).at(float(np.linalg.norm([20_000.0, -3500.0, 750.0] - start)))
+    on_plane, _ = image_points(view, np.array([[20_000.0, -3500.0, 750.0]]))
+    start = view.trace_points(on_plane).points[0]
+    found = ray_differentials(view, on_plane).at(float(np.linalg.norm([20_000.0, -3500.0, 750.0] - start)))
     assert size.mirror is not None
     assert size.flat is not None
     # The width lies along Y, not quite across the ray, for both alike; the height is not small.
@@ -134,7 +134,7 @@ def test_nodes_are_seen_where_the_view_finds_them_and_their_lines_are_rows_and_c
     found = grid_distortion(view)
     assert np.diff(found.azimuth_deg) == pytest.approx(1.0)
     assert np.diff(found.elevation_deg) == pytest.approx(1.0)
-    sight = view.trace_places(found.places[found.shown])
+    sight = view.trace_points(found.on_plane[found.shown])
     assert sight.seen.all()
     azimuth, elevation = np.meshgrid(found.azimuth_deg, found.elevation_deg)
     ways = sight.directions
@@ -171,7 +171,7 @@ def test_percent_are_of_the_diagonal_under_which_the_nodes_that_are_shown_are_se
     middle = view.pose.to_vehicle(np.zeros(3))
     ahead = (middle - EYE) / np.linalg.norm(middle - EYE)
     level = np.array([ahead[1], -ahead[0], 0.0]) / np.hypot(ahead[0], ahead[1])
-    seen = view.pose.to_vehicle(np.concatenate([found.places[found.shown], np.zeros((found.shown.sum(), 1))], axis=1)) - EYE
+    seen = view.pose.to_vehicle(np.concatenate([found.on_plane[found.shown], np.zeros((found.shown.sum(), 1))], axis=1)) - EYE
     upright = np.cross(level, ahead)
     across, up = seen @ level / (seen @ ahead), seen @ upright / (seen @ ahead)
     diagonal = 60.0 * np.degrees(2.0 * np.arctan(0.5 * np.hypot(np.ptp(across), np.ptp(up))))

@@ -83,7 +83,7 @@ def test_the_disparity_of_a_sphere_is_that_of_its_closed_form_at_each_eyes_own_p
     views = EyeViews.of(quadric("sphere", RADIUS), UPRIGHT, LEVEL)
     found = disparity(views, columns=15, rows=3)  # the middle row is at the eyes' height
     left, right = LevelSphere(UPRIGHT, LEVEL.left), LevelSphere(UPRIGHT, LEVEL.right)
-    sight = views.middle.trace_places(found.places[1])
+    sight = views.middle.trace_points(found.on_plane[1])
     assert np.abs(sight.directions[:, 2]).max() < 1e-9
     compared = 0
     for percent, way in zip(found.percent[1], sight.directions, strict=True):
@@ -142,12 +142,12 @@ def test_two_eyes_see_a_direction_at_places_as_far_apart_as_they_are_times_the_m
     """M·b across the sight, b being the eyes' distance across it (docs/derivations/what-the-eye-sees.md)."""
     apart = 0.1
     views = EyeViews.of(spline("progressive-c"), POSE, Eyes(EYE, apart))
-    places = np.array([[-70.0, 20.0], [-20.0, -60.0], [80.0, 90.0]])
-    way = views.middle.trace_places(places).directions
+    on_plane = np.array([[-70.0, 20.0], [-20.0, -60.0], [80.0, 90.0]])
+    way = views.middle.trace_points(on_plane).directions
     left, right = (view.towards(image_points(view, way, at_infinity=True)[0]) for view in (views.left, views.right))
-    found = ray_differentials(views.middle, places)
+    found = ray_differentials(views.middle, on_plane)
     # The place moves by a·J⁻¹·S·b/a, a·S being the shift of the ray, and the eye itself by b: the direction, by 1/a of both.
-    across = np.stack(frame(views.middle.towards(places)), axis=1)
+    across = np.stack(frame(views.middle.towards(on_plane)), axis=1)
     b = np.einsum("nki,i->nk", across, [0.0, apart, 0.0])
     moved = np.linalg.solve(found.jacobian, np.einsum("nij,nj->ni", found.shift, b)[..., None])[..., 0] / found.path_mm[:, None]
     turned = np.einsum("nki,ni->nk", across, right - left)
@@ -158,8 +158,8 @@ def test_the_disparity_of_a_mesh_is_that_of_its_sphere_but_for_its_facets() -> N
     vertices, faces, _ = cap(60)
     mesh = disparity(EyeViews.of(Reflector.of_mesh(SurfaceMesh(vertices, faces), "facets"), POSE, EYES), columns=9, rows=5)
     sphere = EyeViews.of(quadric("sphere", RADIUS), POSE, EYES)
-    places = sphere.middle.places_over(*(axis.ravel() for axis in np.meshgrid(mesh.x, mesh.y)))
-    inside = sphere.middle.trace_places(places).seen.reshape(5, 9)
+    on_plane = sphere.middle.on_plane_over(*(axis.ravel() for axis in np.meshgrid(mesh.x, mesh.y)))
+    inside = sphere.middle.trace_points(on_plane).seen.reshape(5, 9)
     assert inside.sum() > 20
     percent = disparity(EyeViews.of(spline("sphere-950"), POSE, EYES), columns=9, rows=5).percent
     assert np.nanmean(mesh.percent[inside]) == pytest.approx(np.nanmean(percent), abs=0.3)
@@ -212,9 +212,9 @@ def test_the_flank_ends_the_view_where_a_level_ray_passes_the_rear_edge() -> Non
         assert clear[0][0] == pytest.approx(bare[0][0], abs=1e-9)
         azimuth = np.radians(clear[0][1])
         way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        places, shown = image_points(view, way[None], at_infinity=True)
+        on_plane, shown = image_points(view, way[None], at_infinity=True)
         assert shown[0]
-        start = view.trace_places(places).points[0, :2]
+        start = view.trace_points(on_plane).points[0, :2]
         passes = way[0] * (edge - start)[1] - way[1] * (edge - start)[0]
         assert abs(passes) < 1e-5  # mm at the edge, 4 m away: 1e-9 rad
 

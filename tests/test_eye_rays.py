@@ -76,9 +76,9 @@ def views(name: str, hand: str) -> tuple[View, View]:
 @pytest.mark.parametrize("name", SHAPES)
 def test_few_rays_are_traced_as_many_are(name: str, hand: str) -> None:
     one, other = views(name, hand)
-    places = np.random.default_rng(1).uniform(-170.0, 170.0, (120, 2))
-    places[0], places[1] = np.nan, 1e9
-    here, there = one.trace_places(places), other.trace_places(places)
+    on_plane = np.random.default_rng(1).uniform(-170.0, 170.0, (120, 2))
+    on_plane[0], on_plane[1] = np.nan, 1e9
+    here, there = one.trace_points(on_plane), other.trace_points(on_plane)
     assert np.array_equal(here.status, there.status)
     assert np.abs(here.points - there.points)[there.seen].max() < 1e-9  # mm
     assert np.abs(here.directions - there.directions)[there.seen].max() < 1e-12
@@ -90,7 +90,7 @@ def test_rays_from_the_side_meet_first_what_a_search_finds() -> None:
     face = replace(sheet("waves"), one_sided=False)
     pose = Pose.identity()
     eye = np.array([400.0, 30.0, 12.0])
-    here, there = (View(Reflector(one), pose, eye).trace_places(np.random.default_rng(2).uniform(-120.0, 120.0, (100, 2)))
+    here, there = (View(Reflector(one), pose, eye).trace_points(np.random.default_rng(2).uniform(-120.0, 120.0, (100, 2)))
                    for one in (face, searched(face)))
     assert len(set(there.status.tolist())) > 1
     assert np.array_equal(here.status, there.status)
@@ -102,7 +102,7 @@ def test_rays_from_the_side_meet_first_what_a_search_finds() -> None:
 def test_newton_finds_the_same_image_points(name: str, hand: str) -> None:
     one, other = views(name, hand)
     rng = np.random.default_rng(3)
-    shown = other.untrimmed.trace_places(rng.uniform(-110.0, 110.0, (300, 2))).directions
+    shown = other.untrimmed.trace_points(rng.uniform(-110.0, 110.0, (300, 2))).directions
     wanted = shown + rng.normal(size=shown.shape) * 0.02  # some of them are shown nowhere
     wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
     for targets, at_infinity in ((wanted, True), (other.eye + 3e4 * wanted, False)):
@@ -123,8 +123,8 @@ def test_newton_finds_the_same_image_points(name: str, hand: str) -> None:
 @pytest.mark.parametrize("name", SHAPES)
 def test_differentials_are_those_of_any_surface(name: str, hand: str) -> None:
     one, other = views(name, hand)
-    places = np.random.default_rng(4).uniform(-100.0, 100.0, (80, 2))
-    here, there = ray_differentials(one, places), ray_differentials(other, places)
+    on_plane = np.random.default_rng(4).uniform(-100.0, 100.0, (80, 2))
+    here, there = ray_differentials(one, on_plane), ray_differentials(other, on_plane)
     assert np.array_equal(here.seen, there.seen)
     for part in ("jacobian", "shift", "path_mm"):
         a, b = getattr(here, part), getattr(there, part)
@@ -142,9 +142,9 @@ def test_rays_to_the_rim_cross_where_a_search_finds_them(name: str, hand: str) -
     rng = np.random.default_rng(5)
     for function in (LEVEL, RayFunction.of(12.0, point=rng.normal(size=3)),
                      RayFunction.of(direction=rng.normal(size=3) * 1e3, moment=rng.normal(size=3))):
-        (k, places, traced), (k_2, places_2, traced_2) = (edge.crossings(function) for edge in edges)
+        (k, on_plane, traced), (k_2, places_2, traced_2) = (edge.crossings(function) for edge in edges)
         assert np.array_equal(k, k_2)
-        assert np.abs(places - places_2).max(initial=0.0) < 1e-7
+        assert np.abs(on_plane - places_2).max(initial=0.0) < 1e-7
         assert np.abs(traced.directions - traced_2.directions).max(initial=0.0) < 1e-9
         size = np.abs(function(edges[0].points, edges[0].directions)).max()
         assert np.abs(function(traced.points, traced.directions)).max(initial=0.0) < 1e-12 * size
@@ -232,8 +232,8 @@ def test_what_lies_under_places_is_what_they_were_found_over() -> None:
     at = np.random.default_rng(12).uniform(-120.0, 120.0, (60, 2))
     at[0], at[1] = np.nan, 1e4  # nothing reflects there
     for view in (one, other):
-        places, traced = view.trace_over(*at.T)
-        assert np.array_equal(np.isnan(places[:, 0]), ~traced.seen)
+        on_plane, traced = view.trace_over(*at.T)
+        assert np.array_equal(np.isnan(on_plane[:, 0]), ~traced.seen)
         assert traced.seen.sum() == 58
-        assert view.surface_under(places[2:]) == pytest.approx(at[2:], abs=1e-9)
-        assert traced.directions[2:] == pytest.approx(one.untrimmed.trace_places(places[2:]).directions, abs=1e-12)
+        assert view.surface_under(on_plane[2:]) == pytest.approx(at[2:], abs=1e-9)
+        assert traced.directions[2:] == pytest.approx(one.untrimmed.trace_points(on_plane[2:]).directions, abs=1e-12)

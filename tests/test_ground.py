@@ -50,8 +50,8 @@ def two_flat(pitch_deg: float = 3.0) -> tuple[View, View]:
 
 def is_seen(view: View, points: Array, own: HostVehicle | None) -> NDArray[np.bool_]:
     """Point by point, by the inverse ray."""
-    places, inside = image_points(view, points)
-    return inside & ~own.hides(view.trace_places(places).points, points) if own is not None else inside
+    on_plane, inside = image_points(view, points)
+    return inside & ~own.hides(view.trace_points(on_plane).points, points) if own is not None else inside
 
 
 def on_ground(x: Array, y: Array, z: float = 0.0) -> Array:
@@ -370,7 +370,7 @@ def test_a_mirror_behind_a_wall_shows_nothing() -> None:
     corners = np.array([[-9e3, -9e3, 60.0], [9e3, -9e3, 60.0], [0.0, 9e3, 60.0]])
     wall = SurfaceMesh(corners, np.array([[0, 1, 2]], dtype=np.int32))
     view = View(replace(reflector, obstacles=wall), pose, EYE)
-    assert len(edge_of(view).places) == 0
+    assert len(edge_of(view).on_plane) == 0
     assert [width.either_mm for width in seen_widths(view, view, OWN)] == [0.0, 0.0, 0.0, 0.0]
     assert not seen_ground(view, view, OWN).either.mask.any()
     assert blind_zone(view, view, OWN, LANE).endless
@@ -424,11 +424,11 @@ def test_outlines_split_and_join() -> None:
 def test_newton_from_near_by_finds_what_a_search_finds() -> None:
     view = two("progressive-c")[0]
     points = on_ground(np.array([4000.0, 9000.0, 30_000.0]), np.array([-2000.0, -4000.0, -3000.0]))
-    places, _ = image_points(view, points)
-    again, on = follow_image_points(view.untrimmed, places + np.array([8.0, -6.0]), points)
-    assert again == pytest.approx(places, abs=1e-6)
+    on_plane, _ = image_points(view, points)
+    again, on = follow_image_points(view.untrimmed, on_plane + np.array([8.0, -6.0]), points)
+    assert again == pytest.approx(on_plane, abs=1e-6)
     way = points - on
-    sight = view.untrimmed.trace_places(again)
+    sight = view.untrimmed.trace_points(again)
     assert np.cross(way / np.linalg.norm(way, axis=1, keepdims=True), sight.directions) == pytest.approx(0.0, abs=1e-11)
 
 

@@ -76,22 +76,22 @@ def test_no_place_of_the_mirror_has_a_larger_or_smaller_value_and_one_has_the_va
     views = on_motorway(name).views
     rng = np.random.default_rng(3)
     x_min, x_max, y_min, y_max = views.middle.box
-    places = views.middle.places_over(rng.uniform(x_min, x_max, 40_000), rng.uniform(y_min, y_max, 40_000))
-    places = places[views.middle.trace_places(places).seen]
+    places = views.middle.on_plane_over(rng.uniform(x_min, x_max, 40_000), rng.uniform(y_min, y_max, 40_000))
+    places = places[views.middle.trace_points(places).seen]
     found, all_over = magnification_extremes(views.middle), ray_differentials(views.middle, places).at()
     for kind in ("horizontal", "vertical", "ratio"):
         extent_, values = getattr(found, kind), getattr(all_over, kind)
         assert extent_.least * (1.0 - 1e-6) <= values.min() < extent_.least * 1.003  # some 1.4 mm between samples
         assert values.max() * (1.0 - 1e-6) <= extent_.largest < values.max() * 1.003
         for value, at in ((extent_.least, extent_.least_at_mm), (extent_.largest, extent_.largest_at_mm)):
-            there = views.middle.places_over(*np.array(at)[:, None])
+            there = views.middle.on_plane_over(*np.array(at)[:, None])
             assert getattr(ray_differentials(views.middle.untrimmed, there).at(), kind)[0] == pytest.approx(value, rel=1e-9)
     said = disparity(views)
     assert said.max_percent is not None
     assert said.max_at_mm is not None
-    near = views.middle.places_over(*(np.array(said.max_at_mm)[:, None] + rng.uniform(-1.0, 1.0, (2, 10_000))))
-    for where, share in ((places, 0.99), (near[views.middle.trace_places(near).seen], 0.999)):
-        directions = views.middle.trace_places(where).directions
+    near = views.middle.on_plane_over(*(np.array(said.max_at_mm)[:, None] + rng.uniform(-1.0, 1.0, (2, 10_000))))
+    for where, share in ((places, 0.99), (near[views.middle.trace_points(near).seen], 0.999)):
+        directions = views.middle.trace_points(where).directions
         (percent,), left, right = _of_directions(views, directions, "horizontal", np.empty((0, len(where), 3)))
         largest = float(np.abs(percent[left & right]).max())
         assert share * abs(said.max_percent) < largest <= abs(said.max_percent) * (1.0 + 1e-6)

@@ -180,12 +180,12 @@ def by_the_shape_operator(view: View, x: Array, y: Array) -> tuple[Array, Array]
 def test_differences_of_exact_rays_agree_with_the_shape_operator(name: str) -> None:
     view = View(spline(name), POSE, EYE)
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-112.0, 112.0, 45), np.linspace(-120.0, 120.0, 25)))
-    seen = view.trace_places(view.places_over(x, y)).seen  # not in the outline's corners
+    seen = view.trace_points(view.on_plane_over(x, y)).seen  # not in the outline's corners
     assert seen.sum() > 1000
     x, y = x[seen], y[seen]
-    places = view.places_over(x, y)
-    assert np.abs(view.trace_places(places).on_mirror[:, :2] - np.stack([x, y], axis=1)).max() < 1e-9
-    found = ray_differentials(view, places)
+    on_plane = view.on_plane_over(x, y)
+    assert np.abs(view.trace_points(on_plane).on_mirror[:, :2] - np.stack([x, y], axis=1)).max() < 1e-9
+    found = ray_differentials(view, on_plane)
     jacobian, shift = by_the_shape_operator(view, x, y)
     scale = np.linalg.norm(jacobian, axis=(1, 2))
     assert (np.linalg.norm(found.jacobian - jacobian, axis=(1, 2)) / scale).max() < 1e-6
@@ -195,9 +195,9 @@ def test_differences_of_exact_rays_agree_with_the_shape_operator(name: str) -> N
 def test_small_far_things_are_seen_as_large_as_the_magnification_says() -> None:
     """Two far points 1′ apart, found in the mirror by the inverse of the view: the angle between the places they are seen."""
     view = View(spline("progressive-c"), POSE, EYE)
-    places = np.array([[-90.0, 40.0], [-30.0, -100.0], [60.0, 10.0], [90.0, 100.0]])
-    sight = view.trace_places(places)
-    found = ray_differentials(view, places).at()
+    on_plane = np.array([[-90.0, 40.0], [-30.0, -100.0], [60.0, 10.0], [90.0, 100.0]])
+    sight = view.trace_points(on_plane)
+    found = ray_differentials(view, on_plane).at()
     half = 0.5 * np.radians(1.0 / 60.0)
     for across, expected in zip(frame(sight.directions), (found.horizontal, found.vertical), strict=True):
         ends = [image_points(view, np.cos(half) * sight.directions + sign * np.sin(half) * across, at_infinity=True)[0]
@@ -230,19 +230,19 @@ def test_moving_everything_along_and_turning_it_about_the_vertical_changes_nothi
 def test_a_mesh_of_a_sphere_comes_to_its_magnification_with_finer_facets() -> None:
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-105.0, 105.0, 9), np.linspace(-160.0, 160.0, 13)))
     sphere = View(quadric("sphere", 950.0), POSE, EYE)
-    places = sphere.places_over(x, y)
-    exact = ray_differentials(sphere, places).at()
+    on_plane = sphere.on_plane_over(x, y)
+    exact = ray_differentials(sphere, on_plane).at()
     worst = []
     for cells in (30, 60, 120):
         vertices, faces, _ = cap(cells)
         smooth = Reflector.of_mesh(SurfaceMesh(vertices, faces), "interpolated")
         view = View(smooth, POSE, EYE)
-        found = ray_differentials(view, places).at()
+        found = ray_differentials(view, on_plane).at()
         ratio = np.stack([found.horizontal / exact.horizontal, found.vertical / exact.vertical])
         assert np.isfinite(ratio).all()
         worst.append(float(np.abs(ratio - 1.0).max()))
         # A facet by itself is flat: those of the facets' own normals are the same.
-        facets = ray_differentials(View(Reflector.of_mesh(SurfaceMesh(vertices, faces)), POSE, EYE), places).at()
+        facets = ray_differentials(View(Reflector.of_mesh(SurfaceMesh(vertices, faces)), POSE, EYE), on_plane).at()
         assert np.array_equal(facets.horizontal, found.horizontal)
     assert worst[0] < 1e-3
     assert worst[2] < 0.25 * worst[0]  # of first order in the facets' size: 0.15 measured
@@ -253,8 +253,8 @@ def test_the_rim_of_a_plate_does_not_show_in_the_magnification_beside_it(tmp_pat
     designed("sphere-950").export_stl(tmp_path / "plate.stl")
     plate = load_reflector(tmp_path / "plate.stl", normals="interpolated")
     mesh, exact = (View(reflector, POSE, EYE) for reflector in (plate, spline("sphere-950")))
-    places = np.stack(np.meshgrid(np.linspace(-140.0, 100.0, 121), np.linspace(-160.0, 160.0, 33)), axis=2).reshape(-1, 2)
-    found, expected = ray_differentials(mesh, places), ray_differentials(exact, places)
+    on_plane = np.stack(np.meshgrid(np.linspace(-140.0, 100.0, 121), np.linspace(-160.0, 160.0, 33)), axis=2).reshape(-1, 2)
+    found, expected = ray_differentials(mesh, on_plane), ray_differentials(exact, on_plane)
     both = found.seen & expected.seen  # not the rim itself
     assert both.sum() > 2000
     for name in ("horizontal", "vertical"):
@@ -266,7 +266,7 @@ def test_the_rim_of_a_plate_does_not_show_in_the_magnification_beside_it(tmp_pat
 def test_a_map_holds_the_same_values_however_finely_it_is_sampled() -> None:
     view = View(spline("progressive-c"), POSE, EYE)
     coarse, fine = magnification_map(view, columns=7, rows=5), magnification_map(view, columns=21, rows=15)
-    inner = MagnificationMap(fine.x[1::3], fine.y[1::3], fine.places[1::3, 1::3], type(fine.magnification)(
+    inner = MagnificationMap(fine.x[1::3], fine.y[1::3], fine.on_plane[1::3, 1::3], type(fine.magnification)(
         *(getattr(fine.magnification, name)[1::3, 1::3] for name in ("horizontal", "vertical", "area"))))
     assert np.allclose(coarse.x, inner.x, rtol=0, atol=1e-12)
     assert same(coarse, inner) < 1e-9
@@ -276,14 +276,14 @@ def test_the_least_and_the_largest_are_what_is_found_where_they_are_said_to_be_a
     for view in (View(spline("progressive-c"), POSE, EYE), View(quadric("sphere", 900.0), POSE, EYE)):
         found = magnification_extremes(view)
         dense = magnification_map(view, columns=121, rows=181)
-        shown = view.trace_places(dense.places.reshape(-1, 2)).seen.reshape(dense.places.shape[:2])
+        shown = view.trace_points(dense.on_plane.reshape(-1, 2)).seen.reshape(dense.on_plane.shape[:2])
         for extent, name in ((found.horizontal, "horizontal"), (found.vertical, "vertical"), (found.ratio, "ratio")):
             assert extent is not None
             values = getattr(dense.magnification, name)[shown]
             assert extent.least <= values.min() * (1.0 + 1e-6)
             assert extent.largest >= values.max() * (1.0 - 1e-6)
             for value, at in ((extent.least, extent.least_at_mm), (extent.largest, extent.largest_at_mm)):
-                place = view.untrimmed.places_over(*np.array(at)[:, None])
+                place = view.untrimmed.on_plane_over(*np.array(at)[:, None])
                 assert getattr(ray_differentials(view.untrimmed, place).at(), name)[0] == pytest.approx(value, rel=1e-5)
 
 
@@ -298,15 +298,15 @@ def test_the_least_is_found_along_an_edge_that_is_nearly_as_small_for_all_its_le
     assert found is not None
     edge = edge_of(view)
     ring = edge.rings()[0]
-    places, _ = edge.along(ring, np.linspace(0.0, len(ring), 40_001))
-    along = ray_differentials(view.untrimmed, places).at().horizontal
+    on_plane, _ = edge.along(ring, np.linspace(0.0, len(ring), 40_001))
+    along = ray_differentials(view.untrimmed, on_plane).at().horizontal
     assert found.least <= np.nanmin(along) * (1.0 + 1e-6)
 
 
 def test_a_narrow_cone_is_wider_by_the_root_of_its_solid_angle_and_nothing_is_said_beside_the_mirror() -> None:
     view = View(spline("progressive-c"), POSE, EYE)
-    places = np.array([[-80.0, 30.0], [50.0, -60.0], [400.0, 0.0]])
-    found = ray_differentials(view, places)
+    on_plane = np.array([[-80.0, 30.0], [50.0, -60.0], [400.0, 0.0]])
+    found = ray_differentials(view, on_plane)
     assert found.seen.tolist() == [True, True, False]
     assert found.widening[:2] == pytest.approx(1.0 / np.sqrt(found.at().area[:2]), rel=1e-12)
     assert np.isnan(found.jacobian[2]).all()
@@ -317,10 +317,10 @@ def test_up_to_the_edge_of_what_ends_there_the_derivatives_are_taken_to_the_inne
     """A quadric goes on nowhere beyond its outline."""
     view = View(quadric("sphere", 950.0), POSE, EYE)
     x_max = view.box[1]
-    places = view.places_over(np.array([x_max - 1e-6, x_max - 0.03, x_max - 0.1]), np.zeros(3))
+    on_plane = view.on_plane_over(np.array([x_max - 1e-6, x_max - 0.03, x_max - 0.1]), np.zeros(3))
     sphere = view.reflector.surface
     wide = View(Reflector(replace(sphere, loops=(2.0 * sphere.loops[0],))), POSE, EYE)
-    found, expected = ray_differentials(view, places), ray_differentials(wide, places)
+    found, expected = ray_differentials(view, on_plane), ray_differentials(wide, on_plane)
     assert found.seen.all()
     assert found.at().horizontal == pytest.approx(expected.at().horizontal, rel=1e-6)
     assert found.at().vertical == pytest.approx(expected.at().vertical, rel=1e-6)

@@ -64,7 +64,7 @@ def test_the_eigenvalues_of_a_sphere_are_those_of_its_closed_form(radius: float)
         assert [float(one[0]) for one in _eigenvalues(view, MIDDLE)] == pytest.approx(expected, abs=1e-8)
 
 
-@pytest.mark.parametrize(("reflector", "way", "twice", "converging"), [
+@pytest.mark.parametrize(("reflector", "sense", "twice", "converging"), [
     (quadric("sphere", 950.0), "upright", False, False),
     (quadric("plane", 0.0), "upright", False, False),
     (spline("progressive-c"), "upright", False, False),
@@ -74,9 +74,9 @@ def test_the_eigenvalues_of_a_sphere_are_those_of_its_closed_form(radius: float)
     (dish(1600.0), "reversed", False, True),  # just about there it is, aslant, beyond the one focus and before the other
     (dish(1703.0), "mixed", True, True),  # 2a/cos β: at the one
 ])
-def test_a_mirror_is_told_by_where_its_focus_is(reflector: Reflector, way: str, twice: bool, converging: bool) -> None:
+def test_a_mirror_is_told_by_where_its_focus_is(reflector: Reflector, sense: str, twice: bool, converging: bool) -> None:
     found = orientation(View(reflector, STRAIGHT, eye_at(np.radians(20.0), 0.3, 800.0)))
-    assert (found.way, found.twice, found.converging) == (way, twice, converging)
+    assert (found.sense, found.twice, found.converging) == (sense, twice, converging)
 
 
 def test_what_is_said_to_be_shown_twice_is_and_nothing_else() -> None:
@@ -84,10 +84,10 @@ def test_what_is_said_to_be_shown_twice_is_and_nothing_else() -> None:
     for radius, twice in ((1703.0, True), (1600.0, False), (800.0, False), (4000.0, False)):
         view = View(dish(radius), STRAIGHT, eye_at(np.radians(20.0), 0.3, 800.0))
         x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-90, 90, 200), np.linspace(-90, 90, 200)))
-        sight = view.trace_places(np.stack([x, y], axis=1))
-        ways, places = sight.directions[sight.seen], sight.on_mirror[sight.seen][:, :2]
-        pairs = cKDTree(ways).query_pairs(1e-4, output_type="ndarray")
-        apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+        sight = view.trace_points(np.stack([x, y], axis=1))
+        directions, on_mirror = sight.directions[sight.seen], sight.on_mirror[sight.seen][:, :2]
+        pairs = cKDTree(directions).query_pairs(1e-4, output_type="ndarray")
+        apart = np.linalg.norm(on_mirror[pairs[:, 0]] - on_mirror[pairs[:, 1]], axis=1)
         assert bool((apart > 20.0).any()) == twice
 
 
@@ -96,7 +96,7 @@ def test_an_inverted_picture_is_measured_exactly() -> None:
     pose = Pose(np.array([-540.0, -1010.0, 1760.0]), np.zeros(3), np.radians(20.0), np.radians(4.0))
     eyes = Eyes(EYE)
     views = EyeViews.of(dish(500.0), pose, eyes)
-    assert orientation(views.left).way == "inverted"
+    assert orientation(views.left).sense == "inverted"
     ends = 0
     for one in seen_widths(views.left, views.right, OWN, (10_000.0, 30_000.0)):
         for low, high in one.either:
@@ -109,8 +109,8 @@ def test_an_inverted_picture_is_measured_exactly() -> None:
     for view, seen_at in ((views.left, field.horizon.left), (views.right, field.horizon.right)):
         (low, high), = seen_at
         angles = np.radians(np.array([low - 1e-7, low + 1e-7, 0.5 * (low + high), high - 1e-7, high + 1e-7]))
-        ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(5)], axis=1)
-        assert image_points(view, ways, at_infinity=True)[1].tolist() == [False, True, True, True, False]
+        directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(5)], axis=1)
+        assert image_points(view, directions, at_infinity=True)[1].tolist() == [False, True, True, True, False]
 
 
 @pytest.fixture(scope="module")
@@ -126,9 +126,9 @@ def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneF
     subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
     seen = [measure(on_vehicle("dish", dish(radius), scene), subject) for radius in (800.0, 1600.0)]
     once, twice = (figures_as_json(each) for each in seen)
-    assert once["image"] == {"way": "upside down and left for right", "twice": False}
+    assert once["image"] == {"sense": "upside down and left for right", "twice": False}
     assert once["field_deg"]["horizon_either"] > 0.0
-    assert twice["image"] == {"way": "some things twice", "twice": True}
+    assert twice["image"] == {"sense": "some things twice", "twice": True}
     assert twice["magnification"]["horizontal"]["middle"] > 1.0
     json.dumps([once, twice], allow_nan=False)
     rows = {row.name: row for _, rows in groups_of(seen[1:]) for row in rows}
@@ -169,9 +169,9 @@ def test_concave_and_whole_spheres_of_another_program_are_driven_or_refused(tmp_
     for name, shape in (("bowl", bowl), ("ball", Sphere(150))):
         write_step(tmp_path / f"{name}.step", [Part(shape.wrapped, name)], name)
     found = figures_as_json(measure(driven_mirror(str(tmp_path / "bowl.step"), scene), subject))
-    assert found["image"]["way"] == "upside down and left for right"
+    assert found["image"]["sense"] == "upside down and left for right"
     ball = figures_as_json(measure(driven_mirror(str(tmp_path / "ball.step"), scene), subject))
-    assert ball["image"]["way"] == "upright"
+    assert ball["image"]["sense"] == "upright"
     # Its rim is where it turns by 60° from its front: it shows some 240° of the world but for what hides it.
     assert 60.0 < ball["field_deg"]["horizon_either"] < 240.0
     aimed = scene.model_copy(update={"aim": AimSection(), "mirror": scene.mirror.model_copy(update={"yaw_deg": None})})
@@ -201,9 +201,9 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
     (low, high), = eye_fields(EyeViews(view, view, view)).horizon.left
     assert high - low > 200.0
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-200.0, 200.0, 3000), np.linspace(-100.0, 150.0, 1000)))
-    places = np.stack([x, y], axis=1)
-    sight = view.trace_places(places)
-    level = _shows(view, places, sight) & (np.abs(sight.directions[:, 2]) < 2e-3)
+    on_plane = np.stack([x, y], axis=1)
+    sight = view.trace_points(on_plane)
+    level = _shows(view, on_plane, sight) & (np.abs(sight.directions[:, 2]) < 2e-3)
     azimuth = np.degrees(np.arctan2(sight.directions[level, 1], sight.directions[level, 0]))
     assert low - 0.2 < azimuth.min() < low + 1.0  # the limb, along which little of the picture shows much
     assert high - 0.2 < azimuth.max() < high + 0.2

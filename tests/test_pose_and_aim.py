@@ -84,7 +84,7 @@ def test_what_a_ray_meets_is_found_again_where_the_ray_went(progressive: raytrac
     view = View(progressive, posed(15.0, 3.0, hand=hand), eye)
     x, y = np.meshgrid(np.linspace(-110, 110, 21), np.linspace(-140, 140, 21))
     places = np.stack([x.ravel(), y.ravel()], axis=1)
-    sight = view.trace_places(places)
+    sight = view.trace_points(places)
     for at_infinity, targets in ((False, sight.points + 7000.0 * sight.directions), (True, sight.directions)):
         found, shown = image_points(view, targets[sight.seen], at_infinity)
         assert shown.all()
@@ -95,7 +95,7 @@ def test_the_right_hand_mirror_shows_the_reflected_world(progressive: raytrace.R
     left = View(progressive, posed(15.0, 3.0), EYE)
     right = View(progressive, posed(15.0, 3.0, hand="right"), EYE * SIDEWAYS)
     places = np.random.default_rng(5).uniform(-100.0, 100.0, (50, 2))
-    one, other = left.trace_places(places), right.trace_places(places)
+    one, other = left.trace_points(places), right.trace_points(places)
     assert np.allclose(one.points * SIDEWAYS, other.points, rtol=0, atol=1e-9)
     assert np.allclose(one.directions * SIDEWAYS, other.directions, rtol=0, atol=1e-12)
 
@@ -208,5 +208,5 @@ def test_the_housing_is_a_closed_shell_that_leaves_the_mirror_free(progressive: 
     with_housing = View(raytrace.Reflector(progressive.surface, obstacles=housing(progressive)), seen.pose, EYE)
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-90, 90, 30), np.linspace(-110, 110, 30)))
     places = np.stack([x, y], axis=1)
-    assert np.array_equal(seen.trace_places(places).seen, with_housing.trace_places(places).seen)
+    assert np.array_equal(seen.trace_points(places).seen, with_housing.trace_points(places).seen)
 

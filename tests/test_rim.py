@@ -116,7 +116,7 @@ def solid() -> tuple[Reflector, Reflector]:
 def test_the_edge_of_the_face_that_a_solid_shows_is_that_of_the_face_alone() -> None:
     alone, both = (edge_of(View(reflector, POSE, EYE)) for reflector in solid())
     assert both.beyond
-    assert np.array_equal(alone.places, both.places)
+    assert np.array_equal(alone.on_plane, both.on_plane)
     assert np.array_equal(alone.directions, both.directions)
 
 
@@ -126,7 +126,7 @@ def test_what_stands_before_a_face_is_not_overlooked() -> None:
     plate = SurfaceMesh(corner, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
     view = View(replace(solid()[0], obstacles=plate), POSE, EYE)
     edge = edge_of(view)
-    inside = view.places_of(corner[:1])[0]
-    assert np.linalg.norm(edge.places - inside, axis=1).min() < 2.0
+    inside = view.on_plane_of(corner[:1])[0]
+    assert np.linalg.norm(edge.on_plane - inside, axis=1).min() < 2.0
     # Nothing of the edge lies behind the plate but for rounding.
-    assert not ((edge.places > inside + 1e-3).all(axis=1)).any()
+    assert not ((edge.on_plane > inside + 1e-3).all(axis=1)).any()

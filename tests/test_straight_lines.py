@@ -108,7 +108,7 @@ def test_a_flat_mirror_bends_no_line_and_adds_no_tilt(line: StraightLine) -> Non
         bow, tilt = line_bow(view, line, OWN), column_tilt(view, line, OWN) if line.direction[2] == 1.0 else None
         straightness = road_straightness(view, line, OWN)
         assert bow is None or abs(bow.arcmin) < ROUNDING
-        assert tilt is None or abs(tilt.own_arcmin) < ROUNDING
+        assert tilt is None or abs(tilt.by_curvature_arcmin) < ROUNDING
         assert straightness is None or abs(straightness.percent) < 1e-4  # the tangent's differences of places
     assert (line_bow(flat(), line) is not None) == any(line is each for each in LINES[:3])  # it is narrow
 
@@ -160,7 +160,7 @@ def test_what_a_sphere_adds_to_a_columns_tilt_is_over_the_plane_that_touches_it_
     view, centre = View(ball(600.0), pose, EYE), pose.to_vehicle(np.array([0.0, 0.0, -600.0]))
     tilt = column_tilt(view, column(9_000.0, -5500.0, 6000.0))
     assert tilt is not None
-    middle = tilt.image.places[[0, -1]].mean(axis=0)
+    middle = tilt.image.on_plane[[0, -1]].mean(axis=0)
     ray = pose.to_vehicle(np.array([*middle, 0.0])) - EYE
     ray /= np.linalg.norm(ray)
     along = (centre - EYE) @ ray
@@ -174,7 +174,7 @@ def test_what_a_sphere_adds_to_a_columns_tilt_is_over_the_plane_that_touches_it_
     cosine = plane @ upright / np.linalg.norm(plane) / np.linalg.norm(upright)
     assert abs(tilt.flat_arcmin) == pytest.approx(ARCMIN * np.arccos(abs(cosine)), rel=1e-6)
     assert abs(tilt.flat_arcmin) > 60.0
-    assert tilt.own_arcmin == tilt.arcmin - tilt.flat_arcmin
+    assert tilt.by_curvature_arcmin == tilt.arcmin - tilt.flat_arcmin
 
 
 def test_lines_in_a_plane_of_symmetry_stay_straight() -> None:
@@ -183,7 +183,7 @@ def test_lines_in_a_plane_of_symmetry_stay_straight() -> None:
     pose = Pose(CENTRE, np.zeros(3), np.radians(14.0), np.radians(2.7))
     view = View(ball(), pose, EYE)
     centre = pose.to_vehicle(np.array([0.0, 0.0, -950.0]))
-    sight = view.trace_places(np.array([[20.0, 10.0]]))
+    sight = view.trace_points(np.array([[20.0, 10.0]]))
     along = (centre - EYE) / np.linalg.norm(centre - EYE)  # in the plane of eye, centre, and all of this ray
     bow = line_bow(view, StraightLine(sight.points[0] + 20_000.0 * sight.directions[0] - 1500.0 * along, along, 3000.0))
     assert bow is not None
@@ -204,8 +204,8 @@ def test_the_papers_lane_as_a_line_of_the_world_has_the_reference_planes_figure(
     lane = StraightLane(0.0, 2400.0, 0.6, eye[2] + 8200.0)
     pose = Pose(np.zeros(3), np.zeros(3))
     view = View(Reflector.from_mirror(mirror), pose, pose.to_vehicle(eye))
-    way = np.array([0.0, 1.0, 0.6]) / np.hypot(1.0, 0.6)
-    line = StraightLine(np.array([lane.plane_z_mm, -9000.0, 2400.0 - 0.6 * 9000.0]), way, 14_000.0)
+    at_share = np.array([0.0, 1.0, 0.6]) / np.hypot(1.0, 0.6)
+    line = StraightLine(np.array([lane.plane_z_mm, -9000.0, 2400.0 - 0.6 * 9000.0]), at_share, 14_000.0)
     found = road_straightness(view, line)
     assert found is not None
     assert found.image.ends == ("edge", "edge")
@@ -259,12 +259,13 @@ def test_ends_are_exact() -> None:
     near = image.along_mm[0]
     assert image_points(view, road_line(-5250.0).at(near + np.array([-1e-2, 1e-2])))[1].tolist() == [False, True]
     assert np.isinf(image.along_mm[-1])
-    assert image_points(view, np.array([[1.0, 0.0, 0.0]]), at_infinity=True)[0][0] == pytest.approx(image.places[-1], abs=1e-6)
+    rearward = image_points(view, np.array([[1.0, 0.0, 0.0]]), at_infinity=True)[0]
+    assert rearward[0] == pytest.approx(image.on_plane[-1], abs=1e-6)
     # A line across the road behind the vehicle, from the adjacent lane to behind its rear.
     across = StraightLine(np.array([20_000.0, -6000.0, 0.0]), np.array([0.0, 1.0, 0.0]), 8000.0)
     hidden = line_images(view, across, OWN)[0]
     assert hidden.ends == ("line", "hidden")
-    q = view.trace_places(hidden.places[-1:]).points
+    q = view.trace_points(hidden.on_plane[-1:]).points
     assert np.abs(grazing_functions(OWN, q, across.at(hidden.along_mm[-1:]))).min() < 1e-6
     # In plan, the way from the mirror to the last point seen passes the vehicle's rear corner.
     end = across.at(hidden.along_mm[-1:])[0]
@@ -298,7 +299,7 @@ def test_a_right_hand_mirror_is_the_reflection_of_the_left(line: StraightLine) -
     left = View(reflector, pose, EYE)
     right = View(reflector, replace(pose, hand="right"), SIDEWAYS @ EYE)
     other = StraightLine(SIDEWAYS @ line.start, SIDEWAYS @ line.direction, line.length_mm)
-    for measure, name in ((line_bow, "arcmin"), (column_tilt, "arcmin"), (column_tilt, "own_arcmin"),
+    for measure, name in ((line_bow, "arcmin"), (column_tilt, "arcmin"), (column_tilt, "by_curvature_arcmin"),
                           (road_straightness, "percent")):
         if measure is column_tilt and line.direction[2] == 0.0:
             continue
@@ -362,22 +363,22 @@ def test_an_edge_that_is_looked_for_is_the_outline() -> None:
     view = view_of("progressive-b")
     known = edge_of(view)
     in_the_way_of_nothing = View(replace(view.reflector, obstacles=far_away()), view.pose, EYE)
-    assert np.array_equal(edge_of(in_the_way_of_nothing).places, known.places)
+    assert np.array_equal(edge_of(in_the_way_of_nothing).on_plane, known.on_plane)
     found = visibility_contour(view)
-    assert len(found.places) < len(known.places) < 10_000
+    assert len(found.on_plane) < len(known.on_plane) < 10_000
 
     def area(edge: raytrace.visibility.edge.Edge) -> float:
-        k = np.arange(len(edge.places))
-        a, b, c = edge.places, edge.way(k, np.full(len(k), 0.5)), edge.places[edge.following]
+        k = np.arange(len(edge.on_plane))
+        a, b, c = edge.on_plane, edge.at_share(k, np.full(len(k), 0.5)), edge.on_plane[edge.following]
         return abs(float(0.5 * sum(np.sum(p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]) for p, q in ((a, b), (b, c)))))
 
     assert area(found) == pytest.approx(area(known), rel=2e-5)  # chords of 0.6 mm, in corners of 40 mm
     for value in (lambda q, d: d[:, 2], lambda q, d: d[:, 1] + 0.3):
-        k, places, sight = known.crossings(value)
+        k, on_plane, sight = known.crossings(value)
         k_2, places_2, _ = found.crossings(value)
         assert len(k) == len(k_2) == 2
         assert np.abs(value(sight.points, sight.directions)).max() < 1e-12
-        assert places[np.argsort(places[:, 0])] == pytest.approx(places_2[np.argsort(places_2[:, 0])], abs=1e-4)
+        assert on_plane[np.argsort(on_plane[:, 0])] == pytest.approx(places_2[np.argsort(places_2[:, 0])], abs=1e-4)
 
 
 def far_away() -> SurfaceMesh:
@@ -389,8 +390,8 @@ def far_away() -> SurfaceMesh:
 def test_a_ray_through_the_edge_meets_the_line() -> None:
     view, line = view_of("progressive-c"), road_line(-5250.0)
     seen = LineView.of(view, line)
-    angle, places, _ = seen.crossings()
-    sight = view.untrimmed.trace_places(places)
+    angle, on_plane, _ = seen.crossings()
+    sight = view.untrimmed.trace_points(on_plane)
     point = line.at(seen.along(angle))
     across = np.cross(point - sight.points, sight.directions)
     assert np.linalg.norm(across, axis=1).max() < 1e-6

@@ -71,7 +71,7 @@ def _figures(measured: Measured) -> dict[str, Json]:
     disparity_ = measured.disparity
     return {
         "aim": _aim(measured),
-        "image": {"way": ORIENTATIONS[measured.orientation.way], "twice": measured.orientation.twice},
+        "image": {"way": ORIENTATIONS[measured.orientation.sense], "twice": measured.orientation.twice},
         "field_deg": _fields(measured.fields),
         "magnification": {name: dataclasses.asdict(spread_of(measured, name)) for name in MAGNIFICATIONS},
         "disparity": {"max_percent": disparity_.max_percent, "max_at_mm": disparity_.max_at_mm,
@@ -86,7 +86,7 @@ def _figures(measured: Measured) -> dict[str, Json]:
                       "unmeasured": measured.line_unmeasured},
         "column": {"tilt_arcmin": None if tilt is None else tilt.arcmin,
                    "flat_tilt_arcmin": None if tilt is None else tilt.flat_arcmin,
-                   "own_tilt_arcmin": None if tilt is None else tilt.own_arcmin},
+                   "own_tilt_arcmin": None if tilt is None else tilt.by_curvature_arcmin},
         "grid": {"rms_arcmin": grid.rms_arcmin, "max_arcmin": grid.max_arcmin, "max_at_deg": grid.max_at_deg,
                  "rms_percent": grid.rms_percent, "max_percent": grid.max_percent, "nodes": int(grid.shown.sum())},
         "ground": {"seen_width_m": [{"at_m": one.x_mm / MM, "either": one.either_mm / MM, "both": one.both_mm / MM}

@@ -136,9 +136,9 @@ def _aspect(mirrors: Sequence[Measured]) -> float:
 def _lines(axes: Axes, each: Measured) -> None:
     """The grid, the horizon, the lane line and the column, each in the mirror."""
     found = each.grid
-    nodes = np.where(_spread(found.shown)[..., None], found.places, np.nan)
+    nodes = np.where(_spread(found.shown)[..., None], found.on_plane, np.nan)
     # Where they are on the mirror, as its edge is drawn, not where the eye's rays go through the plane z = 0.
-    on_mirror = each.mirror.views.middle.untrimmed.trace_places(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
+    on_mirror = each.mirror.views.middle.untrimmed.trace_points(nodes.reshape(-1, 2)).on_mirror[:, :2].reshape(nodes.shape)
     for lines, degrees in ((on_mirror, found.elevation_deg), (np.swapaxes(on_mirror, 0, 1), found.azimuth_deg)):
         for line, angle in zip(lines, degrees, strict=True):
             fifth = round(float(angle)) % 5 == 0

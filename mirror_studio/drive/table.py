@@ -25,7 +25,7 @@ def groups_of(measured: Sequence[Measured]) -> list[tuple[str, list[Measure]]]:
 
 def orientations(measured: Sequence[Measured]) -> list[str]:
     """Which way round each mirror shows things, in words."""
-    return [ORIENTATIONS[each.orientation.way] for each in measured]
+    return [ORIENTATIONS[each.orientation.sense] for each in measured]
 
 
 def cells(measure: Measure, measured: Sequence[Measured]) -> list[str]:

@@ -136,8 +136,8 @@ def _readings(table: MeasuredTable, nominal: Nominal, on: NDArray[np.bool_]) -> 
     for row in np.flatnonzero(on).tolist():
         place, leg = np.array([[columns["x"][row], columns["y"][row]]]), float(legs[row])
         stand = turned(stands_at(face, place, np.array([1.0, 0.0])), float(angles[row]))
-        way, middle = stand.directions[0], stand.points[0]
-        feet = np.stack([middle - 0.5 * leg * way, middle, middle + 0.5 * leg * way])
+        direction, middle = stand.directions[0], stand.points[0]
+        feet = np.stack([middle - 0.5 * leg * direction, middle, middle + 0.5 * leg * direction])
         if not nominal.outline.contains(feet[:, 0], feet[:, 1]).all():
             raise FileError(f"{table.path}: a foot of reading {row + 1}, at x = {place[0, 0]:.1f}, y = {place[0, 1]:.1f} mm, "
                             "stands "

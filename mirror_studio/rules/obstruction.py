@@ -114,7 +114,7 @@ def obstructed_share(left: View, right: View, required: RequiredGround, host: Ho
     free, clear = np.zeros(len(points), dtype=np.bool_), np.zeros(len(points), dtype=np.bool_)
     for view in (left, right):
         places, shown = image_points(view, points)
-        seen = view.trace_places(places[shown])
+        seen = view.trace_points(places[shown])
         free |= shown
         eye = view.pose.to_vehicle(view.eye_in_mirror)
         clear[shown] |= ~body.hides(host, eye, seen.points, points[shown])

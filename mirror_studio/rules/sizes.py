@@ -213,32 +213,32 @@ def _coarser(polygon: Array) -> tuple[Array, float]:
     kept = np.arange(0, len(polygon), step)
     a = polygon[kept[np.arange(len(polygon)) // step]]
     b = polygon[np.roll(kept, -1)[np.arange(len(polygon)) // step]]
-    way = b - a
-    long = np.maximum(np.einsum("ij,ij->i", way, way), np.finfo(float).tiny)
-    share = np.clip(np.einsum("ij,ij->i", polygon - a, way) / long, 0.0, 1.0)
-    return polygon[kept], float(np.linalg.norm(polygon - a - share[:, None] * way, axis=1).max())
+    span = b - a
+    long = np.maximum(np.einsum("ij,ij->i", span, span), np.finfo(float).tiny)
+    share = np.clip(np.einsum("ij,ij->i", polygon - a, span) / long, 0.0, 1.0)
+    return polygon[kept], float(np.linalg.norm(polygon - a - share[:, None] * span, axis=1).max())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Edges:
-    """Straight edges from `start` (n, 2) along `way` (n, 2), whose squared lengths are (n,)."""
+    """Straight edges from `start` (n, 2) along `span` (n, 2), whose squared lengths are (n,)."""
 
     start: Array
-    way: Array
+    span: Array
     squared: Array
 
     @staticmethod
     def of(polygon: Array) -> _Edges:
-        way = np.roll(polygon, -1, axis=0) - polygon
-        squared = np.einsum("ij,ij->i", way, way)
+        span = np.roll(polygon, -1, axis=0) - polygon
+        squared = np.einsum("ij,ij->i", span, span)
         there = squared > 0.0
-        return _Edges(polygon[there], way[there], squared[there])
+        return _Edges(polygon[there], span[there], squared[there])
 
     def about(self, middle: Array, reach: float) -> _Edges:
         """Those that can be the nearest to a point no farther than `reach` from a middle."""
         distance = self._distances(middle[None])[0]
         near = distance <= distance.min() + 2.0 * reach
-        return _Edges(self.start[near], self.way[near], self.squared[near])
+        return _Edges(self.start[near], self.span[near], self.squared[near])
 
     def distance(self, points: Array) -> Array:
         """How far points (m, 2) are from the nearest edge, (m,)."""
@@ -246,8 +246,8 @@ class _Edges:
 
     def _distances(self, points: Array) -> Array:
         off = points[:, None] - self.start
-        share = np.clip(np.einsum("mnj,nj->mn", off, self.way) / self.squared, 0.0, 1.0)
-        off -= share[:, :, None] * self.way
+        share = np.clip(np.einsum("mnj,nj->mn", off, self.span) / self.squared, 0.0, 1.0)
+        off -= share[:, :, None] * self.span
         result: Array = np.sqrt(np.einsum("mnj,mnj->mn", off, off))
         return result
 

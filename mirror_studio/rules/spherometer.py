@@ -146,10 +146,10 @@ def readings_where_it_stands(surface: OpticalSurface, stands: Stands, leg_mm: fl
     """`read_surface`, NaN where a foot stands beside the surface."""
     sheet, lift, n = _sheet(surface), LIFT * leg_mm, len(stands.points)
     foot = np.repeat(stands.points, 2, axis=0)
-    normal, way = np.repeat(stands.normals, 2, axis=0), np.repeat(stands.directions, 2, axis=0)
+    normal, direction = np.repeat(stands.normals, 2, axis=0), np.repeat(stands.directions, 2, axis=0)
 
     def heights(along: Array) -> Array:
-        origins = foot + np.nan_to_num(along).reshape(-1, 1) * way + lift * normal
+        origins = foot + np.nan_to_num(along).reshape(-1, 1) * direction + lift * normal
         found = Trace.empty(2 * n)
         sheet.first_hits(Rays(origins, -normal), found)
         result: Array = np.einsum("ij,ij->i", found.points - foot, normal).reshape(n, 2)

@@ -288,7 +288,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way
     view = View(one.reflector, pose, STRAIGHT @ eyes[min(eye, len(eyes) - 1)])
     places = np.array([[x, y]])
-    sight = view.trace_places(places)
+    sight = view.trace_points(places)
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()

@@ -209,7 +209,7 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     views = views_of(mirror, look)
     view = views[min(eye, len(views) - 1)]
     places = np.array([[x, y]])
-    sight = view.trace_places(places)
+    sight = view.trace_points(places)
     if not sight.seen[0]:
         return None
     far = ray_differentials(view, places).at()
@@ -218,20 +218,20 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
             "road": met(world(lambda text: None), sight.points[0], sight.directions[0])}
 
 
-def met(made: World, start: Array, way: Array) -> dict[str, Json]:
+def met(made: World, start: Array, direction: Array) -> dict[str, Json]:
     """What a ray (3,), (3,) meets: its name, and X behind the eyes, Y to the right and Z above the ground, m."""
-    hits = made.lit.scene.first_hits(start, way[None])
+    hits = made.lit.scene.first_hits(start, direction[None])
     triangle, away = int(hits.triangle[0]), float(hits.distance[0])
-    ground_away = float(-start[2] / way[2]) if way[2] < 0.0 else math.inf
+    ground_away = float(-start[2] / direction[2]) if direction[2] < 0.0 else math.inf
     if triangle >= 0 and away < ground_away:
         ends = np.cumsum([len(body.faces) for body in made.bodies])
         number = int(np.searchsorted(ends, triangle, "right"))
         what = made.named[number][0] or ("host vehicle" if number < made.host_bodies else "roadside")
     elif math.isfinite(ground_away):
         away, what = ground_away, "ground"
-        side = float(start[1] + away * way[1])
+        side = float(start[1] + away * direction[1])
         if made.road is not None and made.road.y_min_mm <= side <= made.road.y_max_mm:
             what = "road"
     else:
         return {"what": "sky", "at_m": None}
-    return {"what": what, "at_m": ((start + away * way) / MM).tolist()}
+    return {"what": what, "at_m": ((start + away * direction) / MM).tolist()}

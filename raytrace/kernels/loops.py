@@ -44,28 +44,28 @@ def loops(following: Index) -> tuple[Index, Index]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def _extent(places, points, centre, low, high):  # type: ignore[no-untyped-def]
+def _extent(on_plane, points, centre, low, high):  # type: ignore[no-untyped-def]
     for c in range(2):
         centre[c], low[c], high[c] = 0.0, np.inf, -np.inf
     for n in range(points.shape[0]):
         for c in range(2):
-            centre[c] += places[n, c]
+            centre[c] += on_plane[n, c]
             low[c], high[c] = min(low[c], points[n, c]), max(high[c], points[n, c])
     for c in range(2):
         centre[c] /= points.shape[0]
 
 
-def extent(places: Array, points: Array) -> tuple[Array, Array, Array]:
+def extent(on_plane: Array, points: Array) -> tuple[Array, Array, Array]:
     """The mean (2,) of places (n, 2), and from where to where points (n, 3) reach in x and y, (2,) each."""
     found = np.empty((3, 2))
-    _extent(places, points, *found)
+    _extent(on_plane, points, *found)
     return found[0], found[1], found[2]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def least_along(directions: Array, way: Array) -> float:
+def least_along(directions: Array, direction: Array) -> float:
     """The least of the products of directions (n, 3) with another, (3,)."""
     least = np.inf
     for n in range(directions.shape[0]):
-        least = min(least, directions[n, 0] * way[0] + directions[n, 1] * way[1] + directions[n, 2] * way[2])
+        least = min(least, directions[n, 0] * direction[0] + directions[n, 1] * direction[1] + directions[n, 2] * direction[2])
     return least

@@ -38,11 +38,11 @@ def may_cross(at, values, near_zero, beside_cell, found):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _along(values, places, following, near_zero, beside_cell, before, length, crossed, turned):  # type: ignore[no-untyped-def]
+def _along(values, vertices, following, near_zero, beside_cell, before, length, crossed, turned):  # type: ignore[no-untyped-def]
     for n in range(values.size):
         k = following[n]
         before[k] = n
-        length[n] = np.hypot(places[k, 0] - places[n, 0], places[k, 1] - places[n, 1])
+        length[n] = np.hypot(vertices[k, 0] - vertices[n, 0], vertices[k, 1] - vertices[n, 1])
         crossed[n], turned[n] = (values[n] > 0.0) != (values[k] > 0.0), False
     for n in range(values.size):
         p, k = before[n], following[n]
@@ -51,12 +51,12 @@ def _along(values, places, following, near_zero, beside_cell, before, length, cr
         turned[n] |= which & 2 != 0
 
 
-def along_loops(values: Array, places: Array, following: Index, near_zero: float, beside_cell: float) -> tuple[Index, Index]:
+def along_loops(values: Array, vertices: Array, following: Index, near_zero: float, beside_cell: float) -> tuple[Index, Index]:
     """Find where a function changes its sign along closed loops, and where it may do so twice.
 
     Parameters
     ----------
-    values : (n,), at the loops' vertices.   places : (n, 2), of these.   following : (n,), the next vertex of each.
+    values : (n,), at the loops' vertices.   vertices : (n, 2), of these.   following : (n,), the next vertex of each.
     near_zero, beside_cell : see `raytrace.visibility.sign_changes`.
 
     Returns
@@ -65,5 +65,5 @@ def along_loops(values: Array, places: Array, following: Index, near_zero: float
     """
     n = len(values)
     crossed, turned = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
-    _along(values, places, following, near_zero, beside_cell, np.empty(n, dtype=np.intp), np.empty(n), crossed, turned)
+    _along(values, vertices, following, near_zero, beside_cell, np.empty(n, dtype=np.intp), np.empty(n), crossed, turned)
     return np.flatnonzero(crossed), np.flatnonzero(turned)

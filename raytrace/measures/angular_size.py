@@ -68,11 +68,11 @@ def angular_sizes(view: View, face: Face, distances_mm: Sequence[float] = DISTAN
     across, up = np.meshgrid([-0.5, 0.0, 0.5], [0.0, 0.5, 1.0])
     points = np.stack([np.zeros(9), face.y_mm + face.width_mm * across.ravel(), face.height_mm * up.ravel()], axis=1)
     targets = np.concatenate([points + [distance, 0.0, 0.0] for distance in distances_mm])
-    places, shown = image_points(view, targets)
-    traced = view.trace_places(places)
+    on_plane, shown = image_points(view, targets)
+    traced = view.trace_points(on_plane)
     if host is not None:
         shown &= ~host.hides(traced.points, targets)
-    seen = view.towards(places)
+    seen = view.towards(on_plane)
     found = []
     for k, distance in enumerate(distances_mm):
         these = slice(9 * k, 9 * k + 9)

@@ -26,13 +26,13 @@ class Tilt:
     ----------
     arcmin : in the mirror, arc minutes.
     flat_arcmin : in a flat mirror that touches this one where it shows the middle of the image, arc minutes.
-    own_arcmin : what the mirror's curvature adds, arc minutes: the difference of the two.
+    by_curvature_arcmin : what the mirror's curvature adds, arc minutes: the difference of the two.
     image : what was measured.
     """
 
     arcmin: float
     flat_arcmin: float
-    own_arcmin: float
+    by_curvature_arcmin: float
     image: LineImage
 
 
@@ -62,8 +62,8 @@ def column_tilt(view: View, line: StraightLine, host: HostVehicle | None = None)
     if not images or len(images[0].along_mm) < 2:
         return None
     image = images[0]
-    middle = image.places[0] + 0.5 * (image.places[-1] - image.places[0])
-    traced = view.untrimmed.trace_places(np.array([middle]))
+    middle = image.on_plane[0] + 0.5 * (image.on_plane[-1] - image.on_plane[0])
+    traced = view.untrimmed.trace_points(np.array([middle]))
     ray = view.towards(middle)
     normal = traced.directions[0] - ray
     normal /= np.linalg.norm(normal)
@@ -98,5 +98,5 @@ def _of_tilt(use: MirrorInUse, name: str) -> float | None:
 register(Measure("column_tilt_arcmin", "column tilt", "′", 1, "how far the column's image leans to the right",
                  lambda use: _of_tilt(use, "arcmin"), group="Straightness", better="less"))
 register(Measure("column_tilt_by_curvature_arcmin", "column tilt by the mirror's curvature", "′", 1,
-                 "less that of a flat mirror tangent there", lambda use: _of_tilt(use, "own_arcmin"), group="Straightness",
+                 "less that of a flat mirror tangent there", lambda use: _of_tilt(use, "by_curvature_arcmin"), group="Straightness",
                  better="less"))

@@ -38,7 +38,7 @@ class Disparity:
     Attributes
     ----------
     x, y : (columns,) and (rows,), mm, on the surface, where the middle between the eyes sees a far direction.
-    places : (rows, columns, 2), mm, of the picture plane, through which it looks.
+    on_plane : (rows, columns, 2), mm, of the picture plane, through which it looks.
     percent : (rows, columns), of that direction; NaN where not both eyes see it in the mirror.
     rate_percent_per_mm : (rows, columns), its derivative by x along the mirror's rows, from the map's columns.
     max_percent, max_at_mm : the largest disparity, percent, and (x, y) of it, mm.
@@ -47,7 +47,7 @@ class Disparity:
 
     x: Array
     y: Array
-    places: Array
+    on_plane: Array
     percent: Array
     rate_percent_per_mm: Array
     max_percent: float | None
@@ -81,15 +81,15 @@ def disparity(views: EyeViews, size: Size = "horizontal", columns: int = COLUMNS
     which it is a property of a point of the mirror. 10 % here is 9.5 or 10.5 % there.
     """
     views = EyeViews(views.left.interpolated, views.middle.interpolated, views.right.interpolated)
-    x, y, places = mirror_grid(views.middle, columns, rows)
-    percent = _of_places(views, places.reshape(-1, 2), size).reshape(rows, columns)
+    x, y, on_plane = mirror_grid(views.middle, columns, rows)
+    percent = _of_places(views, on_plane.reshape(-1, 2), size).reshape(rows, columns)
     both_see = _BothSee(views, size)
     coarse_x, coarse_y, _ = mirror_grid(views.middle, *COARSE)
     found = largest(both_see.samples, coarse_x, coarse_y, both_see.lengths, ON_EDGE)
     signed, _, _ = both_see.at(found.curve, found.place, np.ones(len(found.curve), dtype=np.bool_))
     (most, steepest), (at, steepest_at) = np.diagonal(signed).tolist(), [tuple(one) for one in found.at.tolist()]
     known, rated = (bool(one) for one in np.isfinite(found.value))
-    return Disparity(x, y, places, percent, _along_rows(percent, x), most if known else None, at if known else None,
+    return Disparity(x, y, on_plane, percent, _along_rows(percent, x), most if known else None, at if known else None,
                      steepest if rated else None, steepest_at if rated else None)
 
 
@@ -134,9 +134,9 @@ class _BothSee:
             these = np.flatnonzero(curve == c)
             if these.size == 0:
                 continue
-            places, traced = edge.along(ring, place[these, 0])
+            on_plane, traced = edge.along(ring, place[these, 0])
             directions[these], on_edge_of[these] = traced.directions, eye
-            at[these], seen[these] = (middle.surface_under(places), True) if eye == 1 \
+            at[these], seen[these] = (middle.surface_under(on_plane), True) if eye == 1 \
                 else far_points(middle, traced.directions, traced.on_mirror[:, :2])
         step = middle.reflector.surface.resolution_mm or STEP_MM
         around = np.full((2, n, 3), np.nan)
@@ -151,10 +151,10 @@ class _BothSee:
         return np.stack([here, rate]), inside, at
 
 
-def _of_places(views: EyeViews, places: Array, size: Size) -> Array:
+def _of_places(views: EyeViews, on_plane: Array, size: Size) -> Array:
     """Disparity of the far directions that the middle sees through places (n, 2); NaN where not both eyes see one."""
-    result = np.full(len(places), np.nan)
-    traced = views.middle.trace_places(places)
+    result = np.full(len(on_plane), np.nan)
+    traced = views.middle.trace_points(on_plane)
     seen = np.flatnonzero(traced.seen)
     (percent,), in_left, in_right = _of_directions(views, traced.directions[seen], size, np.empty((0, len(seen), 3)),
                                                    traced.on_mirror[seen, :2])

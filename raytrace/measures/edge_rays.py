@@ -45,7 +45,7 @@ def h_fov_between_edges(reflector: Reflector, eye: Array, box: Box) -> float | N
     except TraceError:  # an eye that the mirror does not face sees nothing in it
         return None
     edge = edge_of(view)
-    if len(edge.places) == 0:
+    if len(edge.on_plane) == 0:
         return None
     _, _, traced = edge.crossings(RayFunction.of(point=np.array([0.0, 1.0, 0.0])))
     if len(traced.points) < 2:

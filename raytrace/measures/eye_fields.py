@@ -111,8 +111,8 @@ def eye_fields(views: EyeViews, host: HostVehicle | None = None) -> EyeFields:
     EyeFields
     """
     x_min, x_max, y_min, y_max = views.middle.box
-    place = views.middle.places_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
-    ahead = views.middle.untrimmed.trace_places(place).directions[0]
+    place = views.middle.on_plane_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
+    ahead = views.middle.untrimmed.trace_points(place).directions[0]
     circles = [_Circle(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))]
     azimuth = None
     if np.isfinite(ahead).all() and np.hypot(ahead[0], ahead[1]) > 0.0:
@@ -145,9 +145,9 @@ class _Circle:
 
 def _seen(edge: Edge, circle: _Circle, host: HostVehicle | None) -> tuple[Intervals, Intervals]:
     """The intervals of a circle that the mirror shows, and those of them that the host vehicle does not hide."""
-    if len(edge.places) == 0:
+    if len(edge.on_plane) == 0:
         return (), ()
-    _, places, traced = edge.crossings(RayFunction.of(direction=circle.normal))
+    _, on_plane, traced = edge.crossings(RayFunction.of(direction=circle.normal))
     # Counted from the middle of what is shown, so that no interval runs over ±180° but one of what shows that too.
     ahead = edge.middle()
     middle = float(circle.angles(ahead[None])[0])
@@ -156,15 +156,15 @@ def _seen(edge: Edge, circle: _Circle, host: HostVehicle | None) -> tuple[Interv
         behind, shown = edge.image_points(circle.directions(np.array([middle + np.pi])), at_infinity=True)
         if shown[0]:
             angle = np.concatenate([angle, [middle - np.pi, middle + np.pi]])
-            places = np.concatenate([places, behind, behind])
-    if len(places) == 0:
+            on_plane = np.concatenate([on_plane, behind, behind])
+    if len(on_plane) == 0:
         return (), ()
     order = np.argsort(angle)
     low, high = order[::2], order[1::2]
     bare = _intervals(angle[low], angle[high])
     if host is None:
         return bare, bare
-    parts = [_unhidden(edge.view, circle, host, angle[[i, j]], places[[i, j]]) for i, j in zip(low, high, strict=True)]
+    parts = [_unhidden(edge.view, circle, host, angle[[i, j]], on_plane[[i, j]]) for i, j in zip(low, high, strict=True)]
     return bare, _intervals(*np.concatenate(parts, axis=1))
 
 
@@ -172,26 +172,26 @@ def _unhidden(view: View, circle: _Circle, host: HostVehicle, ends: Array, at: A
     """The parts (2, k) of an interval of a circle that the vehicle does not hide; its ends (2,) are seen at places (2, 2)."""
     def segments(angle: Array, starts: Array) -> tuple[Array, Array, Array]:
         """Places that show directions (n,), where their rays leave the mirror, and how far these reach."""
-        ways = circle.directions(angle)
-        places, points = follow_image_points(view, starts, ways, at_infinity=True)
-        return places, points, points + FAR_MM * ways
+        wanted = circle.directions(angle)
+        on_plane, points = follow_image_points(view, starts, wanted, at_infinity=True)
+        return on_plane, points, points + FAR_MM * wanted
 
     share = np.linspace(0.0, 1.0, GRID_SHAPE)
     angle = ends[0] + (ends[1] - ends[0]) * share
-    places, starts, stops = segments(angle, at[0] + share[:, None] * (at[1] - at[0]))
+    on_plane, starts, stops = segments(angle, at[0] + share[:, None] * (at[1] - at[0]))
     for end in (0, -1):
         for inward in INWARD:
             if np.isfinite(starts[end]).all():
                 break
             near = np.array([abs(share[end] - inward)])
             beside = segments(ends[0] + (ends[1] - ends[0]) * near, at[0] + near[:, None] * (at[1] - at[0]))
-            places[end], starts[end], stops[end] = (each[0] for each in beside)
+            on_plane[end], starts[end], stops[end] = (each[0] for each in beside)
     known = np.isfinite(starts).all(axis=1)  # not where a mesh ends beside a place
-    angle, places, starts, stops = angle[known], places[known], starts[known], stops[known]
+    angle, on_plane, starts, stops = angle[known], on_plane[known], starts[known], stops[known]
 
     def rays(cell: Index, share: Array) -> tuple[Array, Array]:
         _, start, stop = segments(angle[cell] + share * (angle[cell + 1] - angle[cell]),
-                                  places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
+                                  on_plane[cell] + share[:, None] * (on_plane[cell + 1] - on_plane[cell]))
         return start, stop
 
     found = unhidden(host, np.zeros(len(angle), dtype=np.intp), angle, (starts, stops), rays)

@@ -36,8 +36,8 @@ class GridDistortion:
     ----------
     azimuth_deg, elevation_deg : (m,) and (n,), degrees, of the grid's lines; azimuths from straight rearward, positive to the
         right of the vehicle.
-    places : (n, m, 2), mm, of the picture plane, where each node is seen, also beside the outline where its sheet goes on; its
-        rows and columns are the grid's lines.
+    on_plane : (n, m, 2), mm, of the picture plane, where each node is seen, also beside the outline where its sheet goes on;
+        its rows and columns are the grid's lines.
     shown : (n, m), which nodes lie inside.
     residual_arcmin : (n, m), arc minutes, angle at the eye between where a node is seen and where the affine map has it; NaN
         for nodes that are not shown.
@@ -49,7 +49,7 @@ class GridDistortion:
 
     azimuth_deg: Array
     elevation_deg: Array
-    places: Array
+    on_plane: Array
     shown: Mask
     residual_arcmin: Array
     affine: Array | None = None
@@ -88,26 +88,26 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     """
     view = view.interpolated
     looked = picture_grid(view, LOOK).reshape(-1, 2)
-    traced = view.trace_places(looked)
-    ways, seen = traced.directions[traced.seen], view.towards(looked[traced.seen])
+    traced = view.trace_points(looked)
+    reflected, seen = traced.directions[traced.seen], view.towards(looked[traced.seen])
     nothing = np.empty(0)
-    if len(ways) == 0:
+    if len(reflected) == 0:
         return GridDistortion(nothing, nothing, np.empty((0, 0, 2)), np.empty((0, 0), dtype=np.bool_), np.empty((0, 0)))
     u0, d0 = _middle(view)
     if not np.isfinite(d0).all():  # a hole
         nearest = int(np.argmax(seen @ seen.mean(axis=0)))
-        u0, d0 = seen[nearest], ways[nearest]
-    near = ways[ways @ d0 > np.cos(WIDEST)]
+        u0, d0 = seen[nearest], reflected[nearest]
+    near = reflected[reflected @ d0 > np.cos(WIDEST)]
     azimuth = _lines(np.arctan2(near[:, 1], near[:, 0]), step_deg)
     elevation = _lines(np.arcsin(near[:, 2]), step_deg)
     at_azimuth, at_elevation = np.meshgrid(np.radians(azimuth), np.radians(elevation))
     nodes = np.stack([np.cos(at_elevation) * np.cos(at_azimuth), np.cos(at_elevation) * np.sin(at_azimuth),
                       np.sin(at_elevation)], axis=-1).reshape(-1, 3)
-    places, shown = image_points(view, nodes, at_infinity=True)
+    on_plane, shown = image_points(view, nodes, at_infinity=True)
     shown &= nodes @ d0 > np.cos(WIDEST)
     shape = (len(elevation), len(azimuth))
     residual = np.full(len(nodes), np.nan)
-    empty = GridDistortion(azimuth, elevation, places.reshape(*shape, 2), shown.reshape(shape), residual.reshape(shape))
+    empty = GridDistortion(azimuth, elevation, on_plane.reshape(*shape, 2), shown.reshape(shape), residual.reshape(shape))
     if shown.sum() < MIN_NODES:
         return empty
     normal = (d0 - u0) / np.linalg.norm(d0 - u0)
@@ -121,7 +121,7 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
 
     flat = nodes[shown] - 2.0 * (nodes[shown] @ normal)[:, None] * normal
     given = np.concatenate([tangents(flat), np.ones((len(flat), 1))], axis=1)
-    wanted = view.towards(places[shown])
+    wanted = view.towards(on_plane[shown])
     at = tangents(wanted)
     affine, _, rank, _ = np.linalg.lstsq(given, at, rcond=None)
     if rank < 3:
@@ -133,7 +133,7 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
     diagonal = ARCMIN * 2.0 * float(np.arctan(0.5 * np.linalg.norm(at.max(axis=0) - at.min(axis=0))))
     rms, worst = float(np.sqrt(np.mean(off**2))), int(np.argmax(off))
     row, column = np.unravel_index(np.flatnonzero(shown)[worst], shape)
-    return GridDistortion(azimuth, elevation, empty.places, empty.shown, residual.reshape(shape), affine.T, rms,
+    return GridDistortion(azimuth, elevation, empty.on_plane, empty.shown, residual.reshape(shape), affine.T, rms,
                           float(off[worst]), (float(azimuth[column]), float(elevation[row])), 100.0 * rms / diagonal,
                           100.0 * float(off[worst]) / diagonal)
 
@@ -141,8 +141,8 @@ def grid_distortion(view: View, step_deg: float = STEP_DEG) -> GridDistortion:
 def _middle(view: View) -> tuple[Array, Array]:
     """The direction in which the eye sees the middle of the mirror's box, and that of the ray when it leaves, (3,)."""
     x_min, x_max, y_min, y_max = view.box
-    place = view.places_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
-    return view.towards(place)[0], view.trace_places(place).directions[0]
+    place = view.on_plane_over(np.array([0.5 * (x_min + x_max)]), np.array([0.5 * (y_min + y_max)]))
+    return view.towards(place)[0], view.trace_points(place).directions[0]
 
 
 def _lines(angles: Array, step_deg: float) -> Array:

@@ -226,7 +226,7 @@ def horizon_margin(view: View, host: HostVehicle) -> HorizonMargin:
     middle, across = 0.5 * (x_min + x_max), view.pose.rotation[:, 0]
     _, _, ends = edge.crossings(RayFunction.of(-middle - float(view.pose.offset @ across), point=across))
     k, _, _ = edge.crossings(LEVEL)
-    along = np.abs(edge.places[edge.following[k]] - edge.places[k])
+    along = np.abs(edge.on_plane[edge.following[k]] - edge.on_plane[k])
     sides = bool((along[:, 1] > along[:, 0]).all())
     if len(ends.points) < 2 or not np.isfinite(aim.horizon):
         return HorizonMargin(np.nan, np.nan, False, aim)

@@ -82,7 +82,7 @@ def line_bow(view: View, line: StraightLine, host: HostVehicle | None = None, sa
     place, _ = seen.image_points(np.array([top]))
     refined = float(np.arcsin(view.towards(place)[0] @ normal))
     if not abs(refined) >= abs(bow[k]):  # on the line itself, where all are rounding
-        refined, top, place = float(bow[k]), float(angle[k]), image.places[k:k + 1]
+        refined, top, place = float(bow[k]), float(angle[k]), image.on_plane[k:k + 1]
     return Bow(float(ARCMIN * refined), float(seen.along(np.array([top]))[0]), place[0], float(ARCMIN * image.extent), image)
 
 

@@ -30,13 +30,13 @@ class MagnificationMap:
     Attributes
     ----------
     x, y : (columns,) and (rows,), mm, on the surface in mirror coordinates.
-    places : (rows, columns, 2), mm, of the picture plane, where the eye sees them.
+    on_plane : (rows, columns, 2), mm, of the picture plane, where the eye sees them.
     magnification : each of its arrays (rows, columns), NaN where nothing is shown.
     """
 
     x: Array
     y: Array
-    places: Array
+    on_plane: Array
     magnification: Magnification
 
 
@@ -53,10 +53,10 @@ def magnification_map(view: View, distance_mm: float = np.inf, columns: int = CO
     -------
     MagnificationMap
     """
-    x, y, places = mirror_grid(view, columns, rows)
-    found = ray_differentials(view, places.reshape(-1, 2)).at(distance_mm)
+    x, y, on_plane = mirror_grid(view, columns, rows)
+    found = ray_differentials(view, on_plane.reshape(-1, 2)).at(distance_mm)
     shaped = Magnification(*(part.reshape(rows, columns) for part in (found.horizontal, found.vertical, found.area)))
-    return MagnificationMap(x, y, places, shaped)
+    return MagnificationMap(x, y, on_plane, shaped)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +127,8 @@ def magnification_extremes(view: View) -> MagnificationExtremes:
     parts = []
     for k in range(3):
         most, least = float(found.value[k]), -float(found.value[k + 3])
-        places = [(float(found.at[j, 0]), float(found.at[j, 1])) for j in (k + 3, k)]
-        parts.append(Extent(least, most, *places) if np.isfinite([most, least]).all() else None)
+        on_plane = [(float(found.at[j, 0]), float(found.at[j, 1])) for j in (k + 3, k)]
+        parts.append(Extent(least, most, *on_plane) if np.isfinite([most, least]).all() else None)
     return MagnificationExtremes(*parts)
 
 

@@ -66,13 +66,13 @@ class MirrorScene:
     def add_colours(self, trace: Trace, eye: Array, rays: Array, sums: Array, samples: int) -> None:
         """Add the radiance that each ray sees to sums, as `raytrace.image.Scene.add_colours` has it."""
         n = len(rays)
-        origins, ways, spread = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        origins, outgoing, spread = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         _onward(trace.status, trace.points, trace.directions, eye, rays, self.pose.rotation, self.pose.offset,
-                self.spread / np.sqrt(samples), np.array(self.cones.box), self.cones.factor, origins, ways, spread)
+                self.spread / np.sqrt(samples), np.array(self.cones.box), self.cones.factor, origins, outgoing, spread)
         for world, share, which in ((self.world, self.reflectance, np.flatnonzero(trace.status == 0)),
                                     (self.beside, 1.0, np.flatnonzero(trace.status != 0))):
             if which.size:
-                _add(which, world.radiance(origins[which], ways[which], spread[which]), share, sums, samples)
+                _add(which, world.radiance(origins[which], outgoing[which], spread[which]), share, sums, samples)
 
     def to_display(self, means: Array) -> NDArray[np.uint8]:
         """Exposed and developed: see `Daylight.display`."""
@@ -80,7 +80,7 @@ class MirrorScene:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _onward(status, points, directions, eye, rays, rotation, offset, spread, box, factor, origins, ways, spreads):
+def _onward(status, points, directions, eye, rays, rotation, offset, spread, box, factor, origins, outgoing, spreads):
     """Where each ray goes on from, and whither, in vehicle coordinates."""
     nx, ny = factor.shape
     p, d = np.empty(3), np.empty(3)
@@ -101,7 +101,7 @@ def _onward(status, points, directions, eye, rays, rotation, offset, spread, box
             spreads[n] = spread
         for c in range(3):
             origins[n, c] = offset[c] + rotation[c, 0] * p[0] + rotation[c, 1] * p[1] + rotation[c, 2] * p[2]
-            ways[n, c] = rotation[c, 0] * d[0] + rotation[c, 1] * d[1] + rotation[c, 2] * d[2]
+            outgoing[n, c] = rotation[c, 0] * d[0] + rotation[c, 1] * d[1] + rotation[c, 2] * d[2]
 
 
 @njit(cache=True, nogil=True)

@@ -92,11 +92,11 @@ def traced_differentials(reflect: Reflect, rays: Array, turns: Array, points: Ar
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.linalg.norm(turns, axis=2, keepdims=True)
-        ways = turns / size
+        unit_turns = turns / size
 
     def beside(these: Index, at: Array) -> tuple[Array, Array]:
         angles = turn * at
-        asked = (np.cos(angles)[:, None] * rays[these, None, None] + np.sin(angles)[:, None] * ways[these, :, None])
+        asked = (np.cos(angles)[:, None] * rays[these, None, None] + np.sin(angles)[:, None] * unit_turns[these, :, None])
         ends, after = (one.reshape(asked.shape) for one in reflect(asked.reshape(-1, 3)))
         beyond = np.einsum("nkmi,ni->nkm", after, directions[these]) < np.cos(CREASE)
         ends[beyond] = after[beyond] = np.nan

@@ -64,12 +64,12 @@ class QuadricFace(BoundedFace):
         points, quadric = [curve.points for curve in self.rim], self.quadric
         if quadric.kind == "sphere":
             angle = np.linspace(0.0, TURN, EQUATOR, endpoint=False)
-            ways = np.concatenate([np.stack([np.cos(angle), np.sin(angle), np.zeros(EQUATOR)], axis=1),
-                                   [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
-            x, y, z = quadric.axes @ ways.T
+            normals = np.concatenate([np.stack([np.cos(angle), np.sin(angle), np.zeros(EQUATOR)], axis=1),
+                                      [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+            x, y, z = quadric.axes @ normals.T
             u, v = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
             inside = [on_face(SPHERE, self.trimming.strips, *self.trimming.box[:2], *at) for at in zip(u, v, strict=True)]
-            points.append(quadric.centre + quadric.radius_mm * ways[inside])
+            points.append(quadric.centre + quadric.radius_mm * normals[inside])
         return np.concatenate(points)
 
     def untrimmed(self) -> QuadricFace:

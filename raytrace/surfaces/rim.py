@@ -45,12 +45,12 @@ def rim_of(evaluate: Evaluate, loops: tuple[Array, ...]) -> tuple[Curve, ...]:
     """
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
-    points, way = evaluate(*start.T), end - start
+    points, step = evaluate(*start.T), end - start
     cuts = np.cumsum([len(loop) for loop in loops])[:-1]
     ends = np.concatenate([np.roll(part, -1, axis=0) for part in np.split(points, cuts)])
     length = np.linalg.norm(ends - points, axis=1)
-    long = np.flatnonzero((np.abs(way) > LONG * np.ptp(start, axis=0)).any(axis=1))
-    at = evaluate(*np.moveaxis(start[long, None] + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * way[long, None], 2, 0))
+    long = np.flatnonzero((np.abs(step) > LONG * np.ptp(start, axis=0)).any(axis=1))
+    at = evaluate(*np.moveaxis(start[long, None] + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * step[long, None], 2, 0))
     length[long] = np.linalg.norm(np.diff(at, axis=1), axis=2).sum(axis=1)
     bounds = length > 0.0
     bounds[long] = length[long] > SAME_MM
@@ -65,11 +65,11 @@ def rim_of(evaluate: Evaluate, loops: tuple[Array, ...]) -> tuple[Curve, ...]:
     for chain in _chains(loops, bounds, points, ends):
         k = np.repeat(chain, count[chain])
         share = (np.arange(len(k)) - np.repeat(np.cumsum(count[chain]) - count[chain], count[chain])) / count[k]
-        begin = start[k] + share[:, None] * way[k]
+        begin = start[k] + share[:, None] * step[k]
         at = points[k]
         between = share > 0.0
         at[between] = evaluate(*begin[between].T)
-        curves.append(Curve(begin, begin + way[k] / count[k, None], at))
+        curves.append(Curve(begin, begin + step[k] / count[k, None], at))
     return tuple(curves)
 
 

@@ -86,22 +86,22 @@ def aimed(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge, wanted: 
     """
     x_min, x_max, y_min, y_max = box_of(reflector)
     y = y_min + wanted.horizon * (y_max - y_min)
-    places = reflector.surface.points_over(np.array([x_max - wanted.flank * (x_max - x_min), 0.5 * (x_min + x_max)]),
+    on_surface = reflector.surface.points_over(np.array([x_max - wanted.flank * (x_max - x_min), 0.5 * (x_min + x_max)]),
                             np.array([y, y]))
-    if not np.isfinite(places).all():
+    if not np.isfinite(on_surface).all():
         raise TraceError(f"aim: the mirror has no surface at x = {x_max - wanted.flank * (x_max - x_min):.1f} or "
                          f"{0.5 * (x_min + x_max):.1f}, y = {y:.1f} mm, where flank_share = {wanted.flank:g} and "
                          f"horizon_share = {wanted.horizon:g} lie")
-    _refuse_eye(pose, eye, places[1], 0.5 * max(x_max - x_min, y_max - y_min))
+    _refuse_eye(pose, eye, on_surface[1], 0.5 * max(x_max - x_min, y_max - y_min))
 
     def off(turns: Array) -> Array:
         """What is off (m, 2), radians, at turns (m, 2)."""
         turned = [replace(pose, yaw=yaw, pitch=pitch) for yaw, pitch in turns.tolist()]
-        beside, rise = _past_edge_and_rise(reflector.untrimmed, turned, eye, edge, places)
+        beside, rise = _past_edge_and_rise(reflector.untrimmed, turned, eye, edge, on_surface)
         return np.stack([beside[:, 0], rise[:, 1]], axis=1)
 
     around = TILT * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    turn = _straight_back(reflector, pose, eye, places[1])
+    turn = _straight_back(reflector, pose, eye, on_surface[1])
     found = off(turn + around)
     for _ in range(MAX_STEPS):
         now, slopes = found[0], ((found[1::2] - found[2::2]) / (2.0 * TILT)).T
@@ -152,8 +152,8 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
     x_min, x_max, y_min, y_max = box_of(reflector)
 
     def at(x: Array | float, y: Array | float) -> tuple[Array, Array]:
-        places = reflector.surface.points_over(*np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
-        past, rise = _past_edge_and_rise(reflector.untrimmed, [pose], eye, edge, places)
+        on_surface = reflector.surface.points_over(*np.broadcast_arrays(np.asarray(x, dtype=np.float64), y))
+        past, rise = _past_edge_and_rise(reflector.untrimmed, [pose], eye, edge, on_surface)
         return past[0], rise[0]
 
     row = _root(lambda y: at(0.5 * (x_min + x_max), y)[1], y_min, y_max)
@@ -161,32 +161,32 @@ def shown_aim(reflector: Reflector, pose: Pose, eye: Array, edge: RearEdge) -> A
     return Aim((x_max - column) / (x_max - x_min), (row - y_min) / (y_max - y_min))
 
 
-def _past_edge_and_rise(sheet: Reflector, poses: Sequence[Pose], eye: Array, edge: RearEdge, places: Array,
+def _past_edge_and_rise(sheet: Reflector, poses: Sequence[Pose], eye: Array, edge: RearEdge, on_surface: Array,
                         ) -> tuple[Array, Array]:
     """How the rays from the eye to points (n, 3) of the surface leave in each of m poses: past the rear edge, in plan, and up.
 
     Two angles, radians, (m, n), NaN where a ray is not reflected or goes forward.
     """
-    m, n = len(poses), len(places)
+    m, n = len(poses), len(on_surface)
     rotations, offsets = np.stack([pose.rotation for pose in poses]), np.stack([pose.offset for pose in poses])
     eyes = np.einsum("mji,mj->mi", rotations, eye - offsets)
     graph = sheet.surface.sheet
     if graph is not None and (eyes[:, 2] > graph.field.top).all():
-        share = (eyes[:, 2:] / (eyes[:, 2:] - places[:, 2]))[:, :, None]
-        through = eyes[:, None, :2] + (places[:, :2] - eyes[:, None, :2]) * share
-        status, points, ways, _ = eye_rays.trace(graph, eye_rays.Posed(eyes, rotations, offsets), through.reshape(-1, 2),
+        share = (eyes[:, 2:] / (eyes[:, 2:] - on_surface[:, 2]))[:, :, None]
+        through = eyes[:, None, :2] + (on_surface[:, :2] - eyes[:, None, :2]) * share
+        status, points, directions, _ = eye_rays.trace(graph, eye_rays.Posed(eyes, rotations, offsets), through.reshape(-1, 2),
                                                  np.repeat(np.arange(m), n))
     else:
-        traces = [reflect(sheet, at, np.nan_to_num(places, nan=np.inf) - at) for at in eyes]
+        traces = [reflect(sheet, at, np.nan_to_num(on_surface, nan=np.inf) - at) for at in eyes]
         status = np.concatenate([trace.status for trace in traces])
-        points, ways = (np.concatenate([to(one) for to, one in pairs]) for pairs in (
+        points, directions = (np.concatenate([to(one) for to, one in pairs]) for pairs in (
             [(pose.to_vehicle, trace.points) for pose, trace in zip(poses, traces, strict=True)],
             [(pose.directions_to_vehicle, trace.directions) for pose, trace in zip(poses, traces, strict=True)]))
     with np.errstate(invalid="ignore"):
-        seen = (status == Status.REFLECTED) & (ways[:, 0] > 0.0) & (points[:, 0] < edge.x_mm)
+        seen = (status == Status.REFLECTED) & (directions[:, 0] > 0.0) & (points[:, 0] < edge.x_mm)
         to_edge = np.arctan2(edge.y_mm - points[:, 1], edge.x_mm - points[:, 0])
-        past = np.arctan2(ways[:, 1], ways[:, 0]) - to_edge
-        rise = np.arcsin(ways[:, 2])
+        past = np.arctan2(directions[:, 1], directions[:, 0]) - to_edge
+        rise = np.arcsin(directions[:, 2])
     return np.where(seen, past, np.nan).reshape(m, n), np.where(seen, rise, np.nan).reshape(m, n)
 
 

@@ -58,7 +58,7 @@ def picture_grid(view: View, count: int) -> Array:
     -------
     (count, count, 2), mm: rows, columns, and (x, y); over the outline's box and MARGIN of it on every side.
     """
-    outline = view.places_of(view.reflector.outline())
+    outline = view.on_plane_of(view.reflector.outline())
     low, high = outline.min(axis=0), outline.max(axis=0)
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)
     return np.stack(np.meshgrid(np.linspace(low[0], high[0], count), np.linspace(low[1], high[1], count)), axis=2)

@@ -85,7 +85,7 @@ class Magnification:
         return self.horizontal / self.vertical
 
 
-def ray_differentials(view: View, places: Array) -> RayDifferentials:
+def ray_differentials(view: View, on_plane: Array) -> RayDifferentials:
     """Differentiate the rays through points of the picture plane by the eye's direction.
 
     In closed form where the surface's shape operator is known, else by differences of exact rays: one surface, one answer
@@ -93,7 +93,7 @@ def ray_differentials(view: View, places: Array) -> RayDifferentials:
 
     Parameters
     ----------
-    view : the mirror as the eye sees it.   places : (n, 2), mm, of the picture plane.
+    view : the mirror as the eye sees it.   on_plane : (n, 2), mm, of the picture plane.
 
     Returns
     -------
@@ -103,14 +103,14 @@ def ray_differentials(view: View, places: Array) -> RayDifferentials:
     view = view.interpolated
     sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
     if sheet is not None:
-        return RayDifferentials(*kernel.ray_differentials(sheet, view.eye_in_mirror, np.ascontiguousarray(places),
+        return RayDifferentials(*kernel.ray_differentials(sheet, view.eye_in_mirror, np.ascontiguousarray(on_plane),
                                                           view.pose.rotation))
-    n = len(places)
+    n = len(on_plane)
     jacobian, shift, path = np.full((n, 2, 2), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
-    traced = view.trace_places(places)
+    traced = view.trace_points(on_plane)
     index = np.flatnonzero(traced.seen)
     if index.size:
-        pose, rays, directions = view.pose, view.towards(places[index]), traced.directions[index]
+        pose, rays, directions = view.pose, view.towards(on_plane[index]), traced.directions[index]
         by_points, by_directions = view.reflector.surface.ray_differentials(
             view.eye_in_mirror, pose.directions_to_mirror(rays), pose.directions_to_mirror(np.stack(frame(rays), axis=1)),
             traced.on_mirror[index], pose.directions_to_mirror(directions))

@@ -136,35 +136,35 @@ class View:
             Of as many rays; a ray that the mirror does not reflect has a status that says why.
         """
         at_x, at_y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        return self.trace_places(np.stack([at_x.ravel(), at_y.ravel()], axis=1))
+        return self.trace_points(np.stack([at_x.ravel(), at_y.ravel()], axis=1))
 
-    def trace_places(self, places: Array) -> TracedRays:
+    def trace_points(self, on_plane: Array) -> TracedRays:
         """Trace the eye's rays through points (n, 2) of the picture plane, mm."""
-        sheet = self.reflector.surface.sheet if len(places) <= ONE_BY_ONE and self.reflector.obstacles is None else None
+        sheet = self.reflector.surface.sheet if len(on_plane) <= ONE_BY_ONE and self.reflector.obstacles is None else None
         if sheet is not None:
-            return TracedRays(*eye_rays.trace(sheet, self.posed, places))
-        rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - self.eye_in_mirror
+            return TracedRays(*eye_rays.trace(sheet, self.posed, on_plane))
+        rays = np.concatenate([on_plane, np.zeros((len(on_plane), 1))], axis=1) - self.eye_in_mirror
         trace = reflect(self.reflector, self.eye_in_mirror, rays)
         return TracedRays(trace.status, self.pose.to_vehicle(trace.points),
                           self.pose.directions_to_vehicle(trace.directions), trace.points)
 
-    def surface_under(self, places: Array) -> Array:
+    def surface_under(self, on_plane: Array) -> Array:
         """Find where on what reflects, without glass before it, the eye looks through points of the picture plane.
 
-        `places_over` the other way round, on the whole sheet. With glass, by three steps of a fixed point.
+        `on_plane_over` the other way round, on the whole sheet. With glass, by three steps of a fixed point.
 
         Parameters
         ----------
-        places : (n, 2), mm, of the picture plane.
+        on_plane : (n, 2), mm, of the picture plane.
 
         Returns
         -------
         (n, 2), (x, y) in mm; NaN where the sheet reflects nothing.
         """
-        at: Array = self.untrimmed.trace_places(places).on_mirror[:, :2].copy()
+        at: Array = self.untrimmed.trace_points(on_plane).on_mirror[:, :2].copy()
         if self.reflector.surface.refracts:  # rays leave by the front, beside where they are reflected
             for _ in range(GLASS_STEPS):
-                off = places - self.places_over(*at.T)
+                off = on_plane - self.on_plane_over(*at.T)
                 at += np.where(np.isfinite(off), off, 0.0)
         return at
 
@@ -177,45 +177,45 @@ class View:
 
         Returns
         -------
-        places : (n, 2), mm, as `places_over` finds them.
+        on_plane : (n, 2), mm, as `on_plane_over` finds them.
         traced : the rays there.
         """
         sheet = self.untrimmed.reflector.surface.sheet
         if sheet is None:
-            places = self.places_over(x, y)
-            return places, self.untrimmed.trace_places(places)
+            on_plane = self.on_plane_over(x, y)
+            return on_plane, self.untrimmed.trace_points(on_plane)
         # Where the rays meet the sheet is known: nothing is searched.
         at = np.stack([x, y], axis=1)
         surface = surface_points(sheet, at)
         on_sheet = (surface[:, :2] == at).all(axis=1)
         sure = eye_rays.rays_to(sheet, self.posed, surface[on_sheet])
         if sure is None:
-            places = self.places_over(x, y)
-            return places, self.untrimmed.trace_places(places)
+            on_plane = self.on_plane_over(x, y)
+            return on_plane, self.untrimmed.trace_points(on_plane)
         if on_sheet.all():
             return sure[0], TracedRays(np.zeros(len(at), dtype=np.int8), *sure[1:], surface[:, :3])
         status = np.where(on_sheet, Status.REFLECTED, Status.MISSED).astype(np.int8)
-        places, points, directions, on_mirror = (np.full((len(at), c), np.nan) for c in (2, 3, 3, 3))
-        places[on_sheet], points[on_sheet], directions[on_sheet] = sure
+        on_plane, points, directions, on_mirror = (np.full((len(at), c), np.nan) for c in (2, 3, 3, 3))
+        on_plane[on_sheet], points[on_sheet], directions[on_sheet] = sure
         on_mirror[on_sheet] = surface[on_sheet, :3]
-        return places, TracedRays(status, points, directions, on_mirror)
+        return on_plane, TracedRays(status, points, directions, on_mirror)
 
-    def towards(self, places: Array) -> Array:
+    def towards(self, on_plane: Array) -> Array:
         """Compute where things are seen: unit directions in vehicle coordinates from the eye to points of the picture plane.
 
         Parameters
         ----------
-        places : (…, 2), mm.
+        on_plane : (…, 2), mm.
 
         Returns
         -------
         (…, 3).
         """
-        rays = np.concatenate([places, np.zeros((*places.shape[:-1], 1))], axis=-1) - self.eye_in_mirror
+        rays = np.concatenate([on_plane, np.zeros((*on_plane.shape[:-1], 1))], axis=-1) - self.eye_in_mirror
         rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
         return self.pose.directions_to_vehicle(rays)
 
-    def places_of(self, points: Array) -> Array:
+    def on_plane_of(self, points: Array) -> Array:
         """Project points on the mirror to the picture plane, along the eye's rays.
 
         Parameters
@@ -230,7 +230,7 @@ class View:
         result: Array = eye[:2] + (points[..., :2] - eye[:2]) * (eye[2] / (eye[2] - points[..., 2]))[..., None]
         return result
 
-    def places_over(self, x: Array, y: Array) -> Array:
+    def on_plane_over(self, x: Array, y: Array) -> Array:
         """Find where on the picture plane the eye looks at what reflects at (x, y), without glass before it.
 
         Parameters
@@ -241,7 +241,7 @@ class View:
         -------
         (n, 2), mm; NaN where nothing reflects, neither inside the outline nor on the sheet beyond.
         """
-        return self.places_of(self.reflector.surface.points_over(x, y))
+        return self.on_plane_of(self.reflector.surface.points_over(x, y))
 
 
 def box_of(reflector: Reflector) -> Box:
@@ -260,10 +260,10 @@ def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Arra
     Returns
     -------
     x, y : (columns,) and (rows,), mm, of the cells' middles.
-    places : (rows, columns, 2), mm, of the picture plane, through which the eye looks at them; NaN where there is no surface.
+    on_plane : (rows, columns, 2), mm, of the picture plane, through which the eye looks at them; NaN where there is no surface.
     """
     x_min, x_max, y_min, y_max = view.box
     x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
     y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
     at_x, at_y = np.meshgrid(x, y)
-    return x, y, view.places_over(at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)
+    return x, y, view.on_plane_over(at_x.ravel(), at_y.ravel()).reshape(rows, columns, 2)

@@ -85,11 +85,11 @@ class Edge:
     view : is asked for rays through the edge: the view of the whole sheet where there is one, which goes on there.
     beyond : whether there is one.
     rim : whether it is that of a face, or was looked for.
-    places : (n, 2), mm, of the picture plane: the vertices.
+    on_plane : (n, 2), mm, of the picture plane: the vertices.
     points, directions : (n, 3), mm and unit, in vehicle coordinates: where the rays through the vertices leave the mirror, and
         in which direction.
     following : (n,), the index of the next vertex of the same loop; what reflects lies on one side.
-    way : points (m, 2) of the edge, mm, at shares (m,) of the way from vertices (m,) to the next.
+    at_share : points (m, 2) of the edge, mm, at shares (m,) of the way from vertices (m,) to the next.
     sheet_rim : the sheet and its rim, where it is that of one sheet z(x, y), of whose rays no search is made; else None.
     """
 
@@ -97,11 +97,11 @@ class Edge:
     view: View
     beyond: bool
     rim: bool
-    places: Array
+    on_plane: Array
     points: Array
     directions: Array
     following: Index
-    way: Callable[[Index, Array], Array]
+    at_share: Callable[[Index, Array], Array]
     sheet_rim: tuple[Sheet, Rim] | None = None
 
     def between(self, k: Index, t: Array) -> tuple[Array, TracedRays]:
@@ -114,7 +114,7 @@ class Edge:
 
         Returns
         -------
-        places : (m, 2), mm, of the picture plane.
+        on_plane : (m, 2), mm, of the picture plane.
         traced : what the rays there do. Where an edge that was looked for is hollow, on a straight way between the rays of its
             vertices.
         """
@@ -124,17 +124,17 @@ class Edge:
             sure = rays_to(sheet, self.view.posed, surface)
             if sure is not None:
                 return sure[0], TracedRays(np.zeros(len(k), dtype=np.int8), *sure[1:], surface[:, :3])
-        places = self.way(k, t)
-        traced = self.view.trace_places(places)
-        lost = ~(traced.seen if self.beyond else _shows(self.view, places, traced))
+        on_plane = self.at_share(k, t)
+        traced = self.view.trace_points(on_plane)
+        lost = ~(traced.seen if self.beyond else _shows(self.view, on_plane, traced))
         if not lost.any():
-            return places, traced
+            return on_plane, traced
         # Where an edge that was looked for is hollow: a straight way between the rays of its vertices.
         after, share = self.following[k], t[:, None]
         points, directions = (one[k] + share * (one[after] - one[k]) for one in (self.points, self.directions))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         points = np.where(lost[:, None], points, traced.points)
-        return places, TracedRays(np.zeros(len(lost), dtype=np.int8), points,
+        return on_plane, TracedRays(np.zeros(len(lost), dtype=np.int8), points,
                                   np.where(lost[:, None], directions, traced.directions),
                              self.view.pose.to_mirror(points))
 
@@ -151,24 +151,24 @@ class Edge:
 
     def image_points(self, targets: Array, at_infinity: bool = False) -> tuple[Array, Mask]:
         """`image_points` of the view that this is the edge of, and whether it encloses them: a solid's rim shows none."""
-        places, inside = image_points(self.of, targets, at_infinity)
+        on_plane, inside = image_points(self.of, targets, at_infinity)
         if not self.rim:
-            inside[inside] = _shows(self.of, places[inside])
-        return places, inside
+            inside[inside] = _shows(self.of, on_plane[inside])
+        return on_plane, inside
 
     @cached_property
     def extent(self) -> tuple[Array, Array, Array]:
         """The mean of its places, and from where to where its points reach in X and Y, mm, (2,) each."""
-        return kernel_loops.extent(self.places, self.points)
+        return kernel_loops.extent(self.on_plane, self.points)
 
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
-        traced = self.view.trace_places(self.extent[0][None])
+        traced = self.view.trace_points(self.extent[0][None])
         return self.middle_of(traced.seen[0], traced.directions[0])
 
     def middle_of(self, seen: bool, direction: Array) -> Array:
         """`middle`, by whether the eye sees the sheet at `extent[0]`, and what it shows there."""
-        found: Array = direction if seen else np.add.reduce(self.directions) / len(self.places)
+        found: Array = direction if seen else np.add.reduce(self.directions) / len(self.on_plane)
         return found
 
     def shows_more_than_half(self, middle: Array) -> bool:
@@ -188,12 +188,12 @@ class Edge:
         Returns
         -------
         k : (m,), the vertices after which it does.
-        places : (m, 2), mm, of the picture plane, where it does.
+        on_plane : (m, 2), mm, of the picture plane, where it does.
         traced : the rays there.
         """
         now = value(self.points, self.directions)
         after = now[self.following]
-        k, may_turn = kernel.along_loops(now, self.places, self.following, NEAR_ZERO, BESIDE_CELL)
+        k, may_turn = kernel.along_loops(now, self.on_plane, self.following, NEAR_ZERO, BESIDE_CELL)
         turned, share, there = self._turns(may_turn, now, value)
         if turned.size == 0:
             return k, *self.settle(k, now[k], after[k], value)
@@ -234,7 +234,7 @@ class Edge:
 
         Returns
         -------
-        places : (m, 2), mm, of the picture plane.
+        on_plane : (m, 2), mm, of the picture plane.
         traced : the rays there.
         """
         if isinstance(value, RayFunction) and self.sheet_rim is not None and len(k):
@@ -276,14 +276,14 @@ def edge_of(view: View) -> Edge:
         if sheet is not None and not _stands_before(view, rim.points):
             sure = rays_to(sheet, view.posed, _on_sheet(face))
             if sure is not None:
-                return Edge(view, whole, True, True, *sure, rim.following, lambda k, t: view.places_of(rim.at(k, t)),
+                return Edge(view, whole, True, True, *sure, rim.following, lambda k, t: view.on_plane_of(rim.at(k, t)),
                             (sheet, rim.pieces))
-        places = view.places_of(rim.points)
-        traced = whole.trace_places(places)
+        on_plane = view.on_plane_of(rim.points)
+        traced = whole.trace_points(on_plane)
         if traced.seen.all() and np.linalg.norm(traced.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
                 and not _stands_before(view, rim.points):
-            return Edge(view, whole, True, True, places, traced.points, traced.directions, rim.following,
-                        lambda k, t: view.places_of(rim.at(k, t)))
+            return Edge(view, whole, True, True, on_plane, traced.points, traced.directions, rim.following,
+                        lambda k, t: view.on_plane_of(rim.at(k, t)))
     return visibility_contour(view)
 
 
@@ -295,15 +295,15 @@ def _shown_face(view: View) -> BoundedFace | None:
         return None
     if len(faces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
         return faces[0]
-    places = _grid(view).reshape(-1, 2)
-    traced = view.trace_places(places)
-    shown = np.flatnonzero(_shows(view, places, traced))
+    on_plane = _grid(view).reshape(-1, 2)
+    traced = view.trace_points(on_plane)
+    shown = np.flatnonzero(_shows(view, on_plane, traced))
     if shown.size == 0:
         return None
-    rays = np.concatenate([places, np.zeros((len(places), 1))], axis=1) - view.eye_in_mirror
+    rays = np.concatenate([on_plane, np.zeros((len(on_plane), 1))], axis=1) - view.eye_in_mirror
     for face in faces:
         # One ray first: most of a solid's faces are not the one.
-        for asked in (shown[:1], np.arange(len(places))):
+        for asked in (shown[:1], np.arange(len(on_plane))):
             alone = reflect(_alone(face), view.eye_in_mirror, rays[asked])
             seen = alone.status == Status.REFLECTED
             if not np.array_equal(seen, np.isin(asked, shown)):
@@ -378,8 +378,8 @@ def _rim(face: BoundedFace) -> _Rim | None:
     for curve in face.rim:
         length = curve.lengths
         cell = np.floor((np.cumsum(length) - length) / min(step, float(length.sum()) / LEAST))
-        ways = (np.roll(curve.points, -1, axis=0) - curve.points) / length[:, None]
-        bent = np.einsum("ij,ij->i", ways, np.roll(ways, 1, axis=0)) < np.cos(CORNER)
+        tangents = (np.roll(curve.points, -1, axis=0) - curve.points) / length[:, None]
+        bent = np.einsum("ij,ij->i", tangents, np.roll(tangents, 1, axis=0)) < np.cos(CORNER)
         at = np.flatnonzero((cell != np.roll(cell, 1)) | bent | (np.arange(len(length)) == 0))
         first.append(pieces + at)
         count.append(np.diff(np.append(at, len(length))))
@@ -400,7 +400,7 @@ def _on_sheet(face: BoundedFace) -> Array:
 
 def _grid(view: View) -> Array:
     """Places (GRID_SHAPE, 2) over all that a view may show."""
-    seen_at = view.places_of(view.reflector.outline())
+    seen_at = view.on_plane_of(view.reflector.outline())
     low, high = seen_at.min(axis=0), seen_at.max(axis=0)
     margin = BESIDE * (high - low)
     x, y = (np.linspace(low[c] - margin[c], high[c] + margin[c], GRID_SHAPE[c]) for c in (0, 1))
@@ -424,30 +424,30 @@ def visibility_contour(view: View) -> Edge:
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
     sides, following = _border(seen)
     nodes = grid.reshape(-1, 2)
-    places = bisect_visibility(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
+    on_plane = bisect_visibility(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
     for _ in range(REFINED):
-        middles = _middles(view, places, following)
-        places, following = (np.concatenate([places, middles]),
-                             np.concatenate([len(places) + np.arange(len(places)), following]))
-    middles = _middles(view, places, following)
+        middles = _middles(view, on_plane, following)
+        on_plane, following = (np.concatenate([on_plane, middles]),
+                             np.concatenate([len(on_plane) + np.arange(len(on_plane)), following]))
+    middles = _middles(view, on_plane, following)
 
-    def way(k: Index, t: Array) -> Array:
+    def at_share(k: Index, t: Array) -> Array:
         after, share = following[k], t[:, None]
-        found: Array = ((1.0 - share) * (1.0 - 2.0 * share) * places[k] + 4.0 * share * (1.0 - share) * middles[k]
-                        + share * (2.0 * share - 1.0) * places[after])
+        found: Array = ((1.0 - share) * (1.0 - 2.0 * share) * on_plane[k] + 4.0 * share * (1.0 - share) * middles[k]
+                        + share * (2.0 * share - 1.0) * on_plane[after])
         return found
 
-    traced = view.trace_places(places)
+    traced = view.trace_points(on_plane)
     beyond = view.reflector.surface.extends
     asked = view.untrimmed if beyond else view
-    return Edge(view, asked, beyond, False, places, traced.points, traced.directions, following, way)
+    return Edge(view, asked, beyond, False, on_plane, traced.points, traced.directions, following, at_share)
 
 
-def _middles(view: View, places: Array, following: Index) -> Array:
+def _middles(view: View, on_plane: Array, following: Index) -> Array:
     """Places of the edge half way from each to the next, inside lying to the left; on the chord where they are not found."""
-    along = places[following] - places
+    along = on_plane[following] - on_plane
     left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    middles = places + 0.5 * along
+    middles = on_plane + 0.5 * along
     k = np.flatnonzero(_shows(view, middles + left) & ~_shows(view, middles - left))
     middles[k] = bisect_visibility(view, middles[k] + left[k], middles[k] - left[k])
     return middles
@@ -477,10 +477,10 @@ def _border(seen: Mask) -> tuple[Index, Index]:
     return start, order[np.searchsorted(name[order], wanted)]
 
 
-def _shows(view: View, places: Array, traced: TracedRays | None = None) -> Mask:
+def _shows(view: View, on_plane: Array, traced: TracedRays | None = None) -> Mask:
     """Whether places (m, 2) show a reflection, and not one from a rim: the mirror looks the way that its face is turned."""
-    traced = traced or view.trace_places(places)
-    normal = traced.directions - view.towards(places)
+    traced = traced or view.trace_points(on_plane)
+    normal = traced.directions - view.towards(on_plane)
     with np.errstate(invalid="ignore"):
         towards = view.pose.directions_to_mirror(normal)[:, 2] / np.linalg.norm(normal, axis=1)
         shows: Mask = traced.seen & (towards > RIM)

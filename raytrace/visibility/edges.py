@@ -74,7 +74,7 @@ class Edges:
     def show_more_than_half(self) -> Mask:
         """Whether each may show directions that are opposite to each other, (m,)."""
         if self.sheet_rim is None:
-            return np.array([len(one.places) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
+            return np.array([len(one.on_plane) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
         centres = np.stack([one.extent[0] for one in self.edges])
         status, _, directions, _ = trace(self.sheet_rim[0], self.posed, centres, np.arange(len(self.edges)))
         return np.array([one.shows_more_than_half(one.middle_of(status[j] == Status.REFLECTED, directions[j]))
@@ -103,20 +103,20 @@ class Edges:
                 sure = rays_to(sheet, self.posed, surface, of)
                 if sure is not None:
                     return sure
-        places = np.empty((len(k), 2))
+        on_plane = np.empty((len(k), 2))
         for j, rows in self._rows(of):
-            places[rows], traced = self.edges[j].settle(k[rows], at_low[rows], at_high[rows], function.some(rows))
+            on_plane[rows], traced = self.edges[j].settle(k[rows], at_low[rows], at_high[rows], function.some(rows))
             points[rows], directions[rows] = traced.points, traced.directions
-        return places, points, directions
+        return on_plane, points, directions
 
     def crossings(self, function: RayFunction) -> tuple[Index, Array, Array, Array]:
         """Find where a function changes its sign along each edge: on which, and as `settle`."""
         of, k = [], []
         for j, edge in enumerate(self.edges):
-            if len(edge.places) == 0:
+            if len(edge.on_plane) == 0:
                 continue
             now = function(edge.points, edge.directions)
-            crossed, may_turn = signs.along_loops(now, edge.places, edge.following, NEAR_ZERO, BESIDE_CELL)
+            crossed, may_turn = signs.along_loops(now, edge.on_plane, edge.following, NEAR_ZERO, BESIDE_CELL)
             if may_turn.size:  # it may cross twice between two vertices: each by itself
                 return self._crossings_apart(function)
             of.append(np.full(len(crossed), j))
@@ -125,27 +125,27 @@ class Edges:
         return owner, *self.settle(owner, np.concatenate([np.zeros(0, dtype=np.intp), *k]), function)
 
     def _crossings_apart(self, function: RayFunction) -> tuple[Index, Array, Array, Array]:
-        found = [(j, *edge.crossings(function)[1:]) for j, edge in enumerate(self.edges) if len(edge.places)]
-        of = np.concatenate([np.zeros(0, dtype=np.intp), *(np.full(len(places), j) for j, places, _ in found)])
-        return (of, np.concatenate([np.empty((0, 2)), *(places for _, places, _ in found)]),
+        found = [(j, *edge.crossings(function)[1:]) for j, edge in enumerate(self.edges) if len(edge.on_plane)]
+        of = np.concatenate([np.zeros(0, dtype=np.intp), *(np.full(len(on_plane), j) for j, on_plane, _ in found)])
+        return (of, np.concatenate([np.empty((0, 2)), *(on_plane for _, on_plane, _ in found)]),
                 np.concatenate([np.empty((0, 3)), *(traced.points for _, _, traced in found)]),
                 np.concatenate([np.empty((0, 3)), *(traced.directions for _, _, traced in found)]))
 
     def image_points(self, of: Index, targets: Array) -> tuple[Array, Mask]:
         """`Edge.image_points` of points (n, 3), mm."""
-        places, inside = np.full((len(of), 2), np.nan), np.zeros(len(of), dtype=np.bool_)
+        on_plane, inside = np.full((len(of), 2), np.nan), np.zeros(len(of), dtype=np.bool_)
         starts = self._starts(of, targets)
         if starts is not None:
             at, leaving, passes = self._solved(of, starts, targets, MAX_STEPS)
             index = np.flatnonzero(passes <= PASSES_BY)
-            places[index] = at[index]
+            on_plane[index] = at[index]
             trimmed = self.edges[0].of.reflector.surface.sheet
             assert trimmed is not None
             inside[index] = trimmed.strips.contain(*leaving[index, :2].T)
-            return places, inside
+            return on_plane, inside
         for j, rows in self._rows(of):
-            places[rows], inside[rows] = self.edges[j].image_points(targets[rows])
-        return places, inside
+            on_plane[rows], inside[rows] = self.edges[j].image_points(targets[rows])
+        return on_plane, inside
 
     def follow_image_points(self, of: Index, starts: Array, targets: Array) -> tuple[Array, Array]:
         """`raytrace.visibility.image_points.follow_image_points` of points (n, 3), mm."""
@@ -154,10 +154,10 @@ class Edges:
             lost = ~(passes < FOLLOWED_BY)
             at[lost], leaving[lost] = np.nan, np.nan
             return at, np.einsum("nij,nj->ni", self.posed.rotations[of], leaving) + self.posed.offsets[of]
-        places, points = np.empty((len(of), 2)), np.empty((len(of), 3))
+        on_plane, points = np.empty((len(of), 2)), np.empty((len(of), 3))
         for j, rows in self._rows(of):
-            places[rows], points[rows] = follow_image_points(self.edges[j].view, starts[rows], targets[rows])
-        return places, points
+            on_plane[rows], points[rows] = follow_image_points(self.edges[j].view, starts[rows], targets[rows])
+        return on_plane, points
 
     def _solved(self, of: Index, starts: Array, targets: Array, max_steps: int) -> tuple[Array, Array, Array]:
         assert self.sheet_rim is not None

@@ -45,13 +45,13 @@ def far_sizes(view: View, directions: Array, around: Array, near: Array) -> tupl
     found, left = np.flatnonzero(~missing), np.flatnonzero(missing & np.isfinite(directions).all(axis=1))
     shown[found] = shown_inside(view, leaving[found])
     if left.size:
-        places, shown[left] = image_points(view, directions[left], at_infinity=True)
-        beside, ways = np.tile(places, (k, 1)), around[:, left].reshape(-1, 3)
-        known = np.isfinite(beside).all(axis=1) & np.isfinite(ways).all(axis=1)
+        on_plane, shown[left] = image_points(view, directions[left], at_infinity=True)
+        beside, wanted = np.tile(on_plane, (k, 1)), around[:, left].reshape(-1, 3)
+        known = np.isfinite(beside).all(axis=1) & np.isfinite(wanted).all(axis=1)
         beside[~known] = np.nan
         if known.any():
-            beside[known], _ = follow_image_points(view.untrimmed, beside[known], ways[known], at_infinity=True)
-        turned = ray_differentials(view.untrimmed, np.concatenate([places, beside]))
+            beside[known], _ = follow_image_points(view.untrimmed, beside[known], wanted[known], at_infinity=True)
+        turned = ray_differentials(view.untrimmed, np.concatenate([on_plane, beside]))
         jacobian[:, left] = turned.jacobian.reshape(1 + k, -1, 2, 2)
     return magnification_of(jacobian), shown
 
@@ -72,8 +72,8 @@ def far_points(view: View, directions: Array, near: Array) -> tuple[Array, Mask]
     at, shown = leaving[:, :2], shown_inside(view, leaving)
     left = np.flatnonzero(np.isnan(leaving[:, 0]) & np.isfinite(directions).all(axis=1))
     if left.size:
-        places, shown[left] = image_points(view, directions[left], at_infinity=True)
-        at[left] = view.surface_under(places)
+        on_plane, shown[left] = image_points(view, directions[left], at_infinity=True)
+        at[left] = view.surface_under(on_plane)
     return at, shown
 
 

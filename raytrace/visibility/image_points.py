@@ -69,14 +69,14 @@ def image_points(view: View, targets: Array, at_infinity: bool = False) -> tuple
     return found, shown
 
 
-def shown_inside(view: View, on_mirror: Array, places: Array | None = None) -> Mask:
+def shown_inside(view: View, on_mirror: Array, on_plane: Array | None = None) -> Mask:
     """Whether the mirror itself shows what its sheet does, inside its outline and with nothing before it.
 
     Parameters
     ----------
     view : the mirror as the eye sees it.
     on_mirror : (n, 3), mm, in mirror coordinates: where the eye's rays leave the sheet.
-    places : (n, 2), mm, of the picture plane, that these rays go through; without them they are worked out.
+    on_plane : (n, 2), mm, of the picture plane, that these rays go through; without them they are worked out.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def shown_inside(view: View, on_mirror: Array, places: Array | None = None) -> M
     sheet = view.reflector.surface.sheet if view.reflector.obstacles is None else None
     if sheet is not None:
         return sheet.strips.contain(*on_mirror[:, :2].T)
-    return view.trace_places(view.places_of(on_mirror) if places is None else places).seen
+    return view.trace_points(view.on_plane_of(on_mirror) if on_plane is None else on_plane).seen
 
 
 def follow_image_points(view: View, starts: Array, targets: Array, at_infinity: bool = False) -> tuple[Array, Array]:
@@ -164,8 +164,8 @@ def _start_rays(view: View) -> tuple[Array, Array, Array]:
         if sure is not None:
             return sure
     x, y = _start_grid(view.box)
-    starts = view.places_of(np.stack([x, y, np.zeros(x.size)], axis=1))
-    traced = untrimmed.trace_places(starts)
+    starts = view.on_plane_of(np.stack([x, y, np.zeros(x.size)], axis=1))
+    traced = untrimmed.trace_points(starts)
     seen = traced.seen
     return starts[seen], traced.points[seen], traced.directions[seen]
 

@@ -65,14 +65,14 @@ class LineImage:
     Attributes
     ----------
     along_mm : (n,), mm, of the points on the line, from its start; inf for the vanishing point.
-    places : (n, 2), mm, of the picture plane.
+    on_plane : (n, 2), mm, of the picture plane.
     directions : (n, 3), unit, from the eye, in vehicle coordinates: where they are seen.
     on_mirror : (n, 3), mm, where the mirror reflects them, in mirror coordinates.
     ends : why it ends at either end: the line does, the mirror does at its edge, or the host vehicle hides the rest.
     """
 
     along_mm: Array
-    places: Array
+    on_plane: Array
     directions: Array
     on_mirror: Array
     ends: tuple[End, End]
@@ -138,15 +138,15 @@ class LineView:
 
         Returns
         -------
-        places : (n, 2), mm; NaN where the sheet shows none.
+        on_plane : (n, 2), mm; NaN where the sheet shows none.
         seen : (n,), whether inside the outline.
         """
         along = self.along(angle)
         far = np.isinf(along)
-        places, seen = np.empty((len(angle), 2)), np.empty(len(angle), dtype=np.bool_)
-        places[~far], seen[~far] = image_points(self.view, self.line.at(along[~far]))
-        places[far], seen[far] = image_points(self.view, np.tile(self.line.direction, (int(far.sum()), 1)), at_infinity=True)
-        return places, seen
+        on_plane, seen = np.empty((len(angle), 2)), np.empty(len(angle), dtype=np.bool_)
+        on_plane[~far], seen[~far] = image_points(self.view, self.line.at(along[~far]))
+        on_plane[far], seen[far] = image_points(self.view, np.tile(self.line.direction, (int(far.sum()), 1)), at_infinity=True)
+        return on_plane, seen
 
     def crossings(self) -> tuple[Array, Array, Array]:
         """Find where the line's image meets the edge.
@@ -156,11 +156,11 @@ class LineView:
         Returns
         -------
         angle : (k,), φ, radians, rising.
-        places : (k, 2), mm, of the picture plane.
+        on_plane : (k, 2), mm, of the picture plane.
         on_mirror : (k, 3), mm, in mirror coordinates.
         """
         start, u = self.line.start, self.line.direction
-        _, places, traced = self.edge.crossings(RayFunction.of(direction=-np.cross(start, u), moment=-u))
+        _, on_plane, traced = self.edge.crossings(RayFunction.of(direction=-np.cross(start, u), moment=-u))
         across = np.cross(u, traced.directions)
         from_start = traced.points - start
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -170,7 +170,7 @@ class LineView:
         angle = self.angle(along)
         met = (ahead > 0.0) & (angle > self.ends[0]) & (angle < self.ends[1])
         order = np.argsort(angle[met])
-        return angle[met][order], places[met][order], traced.on_mirror[met][order]
+        return angle[met][order], on_plane[met][order], traced.on_mirror[met][order]
 
     def inside(self, stops: Array, at: Array) -> Mask:
         """Find whether the mirror shows the parts of the line between its ends and the crossings.
@@ -188,8 +188,8 @@ class LineView:
             return self.image_points(0.5 * (stops[1:] + stops[:-1]))[1]
         # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
         behind = np.minimum(stops[1:-1] + BEHIND, 0.5 * (stops[1:-1] + stops[2:]))
-        places, _ = follow_image_points(self.edge.view, at, self.line.at(self.along(behind)))
-        shows = self.view.trace_places(places).seen
+        on_plane, _ = follow_image_points(self.edge.view, at, self.line.at(self.along(behind)))
+        shows = self.view.trace_points(on_plane).seen
         return np.concatenate([~shows[:1], shows])
 
     def segments(self, angle: Array, starts: Array) -> tuple[Array, Array, Array]:
@@ -202,13 +202,13 @@ class LineView:
 
         Returns
         -------
-        places : (n, 2), mm, that show them.
+        on_plane : (n, 2), mm, that show them.
         points : (n, 3), mm, where their rays leave the mirror.
         targets : (n, 3), mm, the points of the line, those far away FAR_MM away.
         """
         target = self.line.at(np.minimum(self.along(angle), FAR_MM))
-        places, points = follow_image_points(self.edge.view, starts, target)
-        return places, points, target
+        on_plane, points = follow_image_points(self.edge.view, starts, target)
+        return on_plane, points, target
 
     def image(self, low: float, high: float, ends: tuple[End, End], known: tuple[Known, Known], samples: int) -> LineImage:
         """Sample a part of the image.
@@ -226,13 +226,13 @@ class LineView:
             Of the samples that are shown.
         """
         angle = np.linspace(low, high, samples)
-        places, _ = self.image_points(angle)
-        traced = self.edge.view.trace_places(places)
+        on_plane, _ = self.image_points(angle)
+        traced = self.edge.view.trace_points(on_plane)
         kept, on_mirror = traced.seen, traced.on_mirror
         for k, end in zip((0, -1), known, strict=True):
             if end is not None:
-                places[k], on_mirror[k], kept[k] = end[0], end[1], True
-        return LineImage(self.along(angle)[kept], places[kept], self.view.towards(places[kept]), on_mirror[kept], ends)
+                on_plane[k], on_mirror[k], kept[k] = end[0], end[1], True
+        return LineImage(self.along(angle)[kept], on_plane[kept], self.view.towards(on_plane[kept]), on_mirror[kept], ends)
 
 
 def line_images(view: View, line: StraightLine, host: HostVehicle | None = None, samples: int = SAMPLES,
@@ -255,7 +255,7 @@ def line_images(view: View, line: StraightLine, host: HostVehicle | None = None,
     tuple of LineImage
         The largest first.
     """
-    if len(edge_of(view).places) == 0:
+    if len(edge_of(view).on_plane) == 0:
         return ()
     seen = LineView.of(view, line)
     low, high = (float(end) for end in seen.ends)
@@ -304,13 +304,13 @@ def _unhidden(seen: LineView, host: HostVehicle | None, low: float, high: float,
             near[k] = end[0]
     near = near[(shown := np.isfinite(near).all(axis=1))]
     angle = angle[shown]
-    places, starts, targets = seen.segments(angle, near)
+    on_plane, starts, targets = seen.segments(angle, near)
     met = np.isfinite(starts).all(axis=1)  # not where a mesh ends beside a place
-    angle, places, starts, targets = angle[met], places[met], starts[met], targets[met]
+    angle, on_plane, starts, targets = angle[met], on_plane[met], starts[met], targets[met]
 
     def rays(cell: Index, share: Array) -> tuple[Array, Array]:
         _, start, target = seen.segments(angle[cell] + share * (angle[cell + 1] - angle[cell]),
-                                         places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
+                                         on_plane[cell] + share[:, None] * (on_plane[cell + 1] - on_plane[cell]))
         return start, target
 
     open_parts = unhidden(host, np.zeros(len(angle), dtype=np.intp), angle, (starts, targets), rays)

@@ -48,14 +48,14 @@ def grazing_functions(host: HostVehicle, starts: Array, ends: Array) -> Array:
     (24, n) : the edges' in the order of EDGES, mm, the starts', mm, and the ends'.
     """
     low, high = host.corners
-    way = (ends - starts).T
-    length = np.sqrt(np.einsum("in,in->n", way, way))
+    segment = (ends - starts).T
+    length = np.sqrt(np.einsum("in,in->n", segment, segment))
     to_planes = np.stack([low[:, None] - starts.T, high[:, None] - starts.T])  # (2, 3, n)
     found = np.empty((FUNCTIONS, len(starts)))
     for k, (i, j, a, b) in enumerate(EDGES):
-        found[k] = (to_planes[a, i] * way[j] - to_planes[b, j] * way[i]) / length
+        found[k] = (to_planes[a, i] * segment[j] - to_planes[b, j] * segment[i]) / length
     found[12:18] = -to_planes.reshape(6, -1)
-    found[18:24] = (way - to_planes).reshape(6, -1) / length
+    found[18:24] = (segment - to_planes).reshape(6, -1) / length
     return found
 
 
@@ -132,22 +132,22 @@ def _may_count(host: HostVehicle, which: Index, cell: Index, starts: Array, ends
         share = np.where(here == after, 0.5, here / (here - after))
     share = np.clip(share, 0.0, 1.0)[:, None]
     start = starts[cell] + share * (starts[cell + 1] - starts[cell])
-    way = ends[cell] - starts[cell] + share * (ends[cell + 1] - starts[cell + 1] - ends[cell] + starts[cell])
+    segment = ends[cell] - starts[cell] + share * (ends[cell + 1] - starts[cell + 1] - ends[cell] + starts[cell])
     low, high = host.corners
     edge = which < len(EDGES)
     table = np.array(EDGES)[np.where(edge, which, 0)]
     pick = np.arange(len(which))
     # The plane that the ray meets more steeply tells best where it passes the edge.
-    first = np.abs(way[pick, table[:, 0]]) >= np.abs(way[pick, table[:, 1]])
+    first = np.abs(segment[pick, table[:, 0]]) >= np.abs(segment[pick, table[:, 1]])
     axis, side = np.where(first, table[:, 0], table[:, 1]), np.where(first, table[:, 2], table[:, 3])
     plane = np.where(side == 0, low[axis], high[axis])
     third = 3 - table[:, 0] - table[:, 1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        along = (plane - start[pick, axis]) / way[pick, axis]
+        along = (plane - start[pick, axis]) / segment[pick, axis]
         # Of a face: the segment's own start or end, as it may lie on it.
         along = np.where(edge, along, np.where(which < len(EDGES) + 6, 0.0, 1.0))
         at, before, after = (one + along[:, None] * two for one, two in (
-            (start, way), (starts[cell], ends[cell] - starts[cell]), (starts[cell + 1], ends[cell + 1] - starts[cell + 1])))
+            (start, segment), (starts[cell], ends[cell] - starts[cell]), (starts[cell + 1], ends[cell + 1] - starts[cell + 1])))
         room = REACH * np.abs(after - before) + REACH * (high - low)
         beside = (at < low - room) | (at > high + room)
     beside[edge] &= np.arange(3) == third[edge, None]

@@ -14,7 +14,7 @@ from raytrace.viewing.view import View, mirror_grid
 from raytrace.visibility.edge import edge_of
 
 Array = NDArray[np.float64]
-Way = Literal["upright", "inverted", "reversed", "mixed"]
+Sense = Literal["upright", "inverted", "reversed", "mixed"]
 
 COLUMNS, ROWS = 17, 25  # places over the mirror
 ON_EDGE = 128  # and along its edge
@@ -27,13 +27,13 @@ class Orientation:
 
     Attributes
     ----------
-    way : "upright", the same way round; "inverted", upside down and left for right; "reversed", turned over in one direction
+    sense : "upright", the same way round; "inverted", upside down and left for right; "reversed", turned over in one direction
         only; "mixed", one here and another there.
     twice : whether some directions are shown at two points or more.
     converging : whether it enlarges anything: where it does, turning it may make it show something twice.
     """
 
-    way: Way
+    sense: Sense
     twice: bool
     converging: bool
 
@@ -63,29 +63,30 @@ def orientation(view: View) -> Orientation:
     docs/derivations/what-the-eye-sees.md
     """
     view = view.interpolated
-    _, _, places = mirror_grid(view, COLUMNS, ROWS)
-    least, most = (np.concatenate(both) for both in zip(_eigenvalues(view, places.reshape(-1, 2)), _on_edge(view), strict=True))
+    _, _, on_plane = mirror_grid(view, COLUMNS, ROWS)
+    least, most = (np.concatenate(both)
+                   for both in zip(_eigenvalues(view, on_plane.reshape(-1, 2)), _on_edge(view), strict=True))
     known = np.isfinite(least)
     signs = {(bool(a > 0.0), bool(b > 0.0)) for a, b in zip(least[known], most[known], strict=True)}
-    ways: dict[tuple[bool, bool], Way] = {(True, True): "upright", (False, False): "inverted", (False, True): "reversed"}
-    way: Way = "mixed" if len(signs) > 1 else ways[signs.pop()] if signs else "upright"
-    return Orientation(way, way == "mixed", bool((least[known] < 1.0 - FLAT).any()))
+    senses: dict[tuple[bool, bool], Sense] = {(True, True): "upright", (False, False): "inverted", (False, True): "reversed"}
+    sense: Sense = "mixed" if len(signs) > 1 else senses[signs.pop()] if signs else "upright"
+    return Orientation(sense, sense == "mixed", bool((least[known] < 1.0 - FLAT).any()))
 
 
 def _on_edge(view: View) -> tuple[Array, Array]:
     edge = edge_of(view)
-    return _eigenvalues(edge.view, edge.places[::max(1, len(edge.places) // ON_EDGE)])
+    return _eigenvalues(edge.view, edge.on_plane[::max(1, len(edge.on_plane) // ON_EDGE)])
 
 
-def _eigenvalues(view: View, places: Array) -> tuple[Array, Array]:
+def _eigenvalues(view: View, on_plane: Array) -> tuple[Array, Array]:
     """The smaller and the larger eigenvalue of S⁻¹·∂d/∂ω at places (n, 2); NaN where nothing is shown."""
-    looked, traced = view.towards(places), view.trace_places(places)
+    looked, traced = view.towards(on_plane), view.trace_points(on_plane)
     normal = traced.directions - looked
     with np.errstate(invalid="ignore"):
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        before, after = (np.stack(frame(ways), axis=1) for ways in (looked, traced.directions))
+        before, after = (np.stack(frame(senses), axis=1) for senses in (looked, traced.directions))
         flat = after @ (before - 2.0 * np.einsum("nij,nj->ni", before, normal)[:, :, None] * normal[:, None]).transpose(0, 2, 1)
-        beside = flat.transpose(0, 2, 1) @ ray_differentials(view, places).jacobian  # S is orthogonal
+        beside = flat.transpose(0, 2, 1) @ ray_differentials(view, on_plane).jacobian  # S is orthogonal
         middle = 0.5 * np.trace(beside, axis1=1, axis2=2)
         apart = np.sqrt(np.maximum(middle * middle - np.linalg.det(beside), 0.0))
     return middle - apart, middle + apart

@@ -118,7 +118,7 @@ def _cuts(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float) 
     swept = []
     for j, edge in enumerate(edges.edges):
         rows = np.flatnonzero(of == j) if len(edges) > 1 else np.arange(len(of))
-        if len(edge.places) and rows.size:
+        if len(edge.on_plane) and rows.size:
             after, line = kernel.swept_lines(edge.points, edge.directions, edge.following, axis, height_mm, values[rows],
                                              LEAST_HEIGHT_MM, WRAP)
             swept.append((after, rows[line]))
@@ -128,24 +128,24 @@ def _cuts(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float) 
     coefficients = np.zeros((len(row), 10))
     coefficients[:, 6], coefficients[:, 4 + axis] = values[row], -height_mm
     coefficients[:, 8 if axis == 0 else 7] = 1.0 if axis == 0 else -1.0
-    places, points, directions = edges.settle(of[row], k, RayFunction(coefficients))
+    on_plane, points, directions = edges.settle(of[row], k, RayFunction(coefficients))
     across = 1 - axis
     reach = (height_mm - points[:, 2]) / directions[:, 2]
     other = points[:, across] + reach * directions[:, across]
-    row, other, places = _ended(edges, of, axis, values, height_mm, row, other, places)
+    row, other, on_plane = _ended(edges, of, axis, values, height_mm, row, other, on_plane)
     order = np.lexsort((other, row))
     low, high = order[::2], order[1::2]
-    return _Cuts(row[low], other[low], other[high], places[low], places[high])
+    return _Cuts(row[low], other[low], other[high], on_plane[low], on_plane[high])
 
 
-def _ended(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float, row: Index, other: Array, places: Array,
+def _ended(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float, row: Index, other: Array, on_plane: Array,
            ) -> tuple[Index, Array, Array]:
     """The crossings, with an end at ENDLESS_MM for lines that the mirror shows without one."""
     odd = np.bincount(row, minlength=len(values)) % 2 == 1
     # Both ends of a line are shown only by what shows more than half of the world.
     asked = np.flatnonzero(odd | edges.show_more_than_half[of])
     if asked.size == 0:
-        return row, other, places
+        return row, other, on_plane
     ends = np.empty((2, len(asked), 3))
     ends[:, :, axis], ends[:, :, 2] = values[asked], height_mm
     ends[:, :, 1 - axis] = np.array([[-ENDLESS_MM], [ENDLESS_MM]])
@@ -156,7 +156,7 @@ def _ended(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float,
     kept = ~np.isin(row, asked[~told])
     end = np.flatnonzero(seen & np.tile(told, 2))
     return (np.concatenate([row[kept], np.tile(asked, 2)[end]]),
-            np.concatenate([other[kept], ends[:, :, 1 - axis].ravel()[end]]), np.concatenate([places[kept], found[end]]))
+            np.concatenate([other[kept], ends[:, :, 1 - axis].ravel()[end]]), np.concatenate([on_plane[kept], found[end]]))
 
 
 def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
@@ -199,21 +199,21 @@ def _unhidden(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: flo
         target = np.empty((len(which), 3))
         target[:, axis], target[:, 2] = value[which], height_mm
         target[:, 1 - axis] = middle[which, 1 - axis] + away[which] * np.tan(angle)
-        places, points = edges.follow_image_points(owner[which], starts, target)
-        return target, places, points
+        on_plane, points = edges.follow_image_points(owner[which], starts, target)
+        return target, on_plane, points
 
     share = np.linspace(0.0, 1.0, GRID_SHAPE)
     angles = begin[:, None] + (end - begin)[:, None] * share
-    way = np.clip((angles - low[:, None]) / (high - low)[:, None], INSIDE, 1.0 - INSIDE)[:, :, None]
-    starts = cuts.at_low[:, None] + way * (cuts.at_high - cuts.at_low)[:, None]
+    fraction = np.clip((angles - low[:, None]) / (high - low)[:, None], INSIDE, 1.0 - INSIDE)[:, :, None]
+    starts = cuts.at_low[:, None] + fraction * (cuts.at_high - cuts.at_low)[:, None]
     which = np.repeat(np.arange(m), GRID_SHAPE)
-    target, places, points = segments(angles.ravel(), which, starts.reshape(-1, 2))
+    target, on_plane, points = segments(angles.ravel(), which, starts.reshape(-1, 2))
     known = np.isfinite(points).all(axis=1)  # not where a mesh ends beside a place
-    part, at, target, places, points = which[known], angles.ravel()[known], target[known], places[known], points[known]
+    part, at, target, on_plane, points = which[known], angles.ravel()[known], target[known], on_plane[known], points[known]
 
     def rays(cell: Index, share: Array) -> tuple[Array, Array]:
         target, _, points_there = segments(at[cell] + share * (at[cell + 1] - at[cell]), part[cell],
-                                           places[cell] + share[:, None] * (places[cell + 1] - places[cell]))
+                                           on_plane[cell] + share[:, None] * (on_plane[cell + 1] - on_plane[cell]))
         return points_there, target
 
     found = unhidden(host, part, at, (points, target), rays)

@@ -112,9 +112,9 @@ def stroke(points: ArrayLike, width: float) -> bd.Face:
     return polygon(np.vstack([line + shift, (line - shift)[::-1]]))
 
 
-def swept(edge: bd.Edge, way: Array) -> bd.Face:
+def swept(edge: bd.Edge, direction: Array) -> bd.Face:
     """The face that an edge sweeps."""
-    return bd.Face(TopoDS.Face_s(BRepPrimAPI_MakePrism(edge.wrapped, gp_Vec(*way)).Shape()))
+    return bd.Face(TopoDS.Face_s(BRepPrimAPI_MakePrism(edge.wrapped, gp_Vec(*direction)).Shape()))
 
 
 def cut(faces: Iterable[bd.Face], tools: Iterable[bd.Face]) -> list[bd.Face]:
@@ -188,8 +188,8 @@ def _seams(pieces: Sequence[bd.Face], owners: Sequence[Inlay | None]) -> list[Se
         owner = above if above is not None and near != 0.0 and far - near < HOLE else below or above
         if owner is not None:
             _, _, sight, towards = VIEWS[owner.view]
-            way = np.eye(3)[sight] * towards
-            seams.append(Seam(edge, pieces[lower], way * near, way * far, owner.material))
+            direction = np.eye(3)[sight] * towards
+            seams.append(Seam(edge, pieces[lower], direction * near, direction * far, owner.material))
     return seams
 
 

@@ -94,9 +94,9 @@ def _lattice(flat: Array, ends: Index, extent: list[float]) -> Array:
     grid = np.stack(np.meshgrid(*(np.arange(0.0, end + 0.5) for end in extent), indexing="ij"), axis=-1).reshape(-1, 2)
     keep = inside(grid, flat[ends])
     for p, q in flat[ends]:
-        way = q - p
-        t = np.clip((grid - p) @ way / max(float(way @ way), 1e-30), 0.0, 1.0)
-        keep &= np.linalg.norm(grid - p - t[:, None] * way, axis=1) > CLEAR
+        segment = q - p
+        t = np.clip((grid - p) @ segment / max(float(segment @ segment), 1e-30), 0.0, 1.0)
+        keep &= np.linalg.norm(grid - p - t[:, None] * segment, axis=1) > CLEAR
     return np.asarray(grid[keep])
 
 

@@ -67,11 +67,11 @@ def _beam(curve: bd.Edge) -> list[Patch]:
     tangents = np.array([tuple(curve % float(t)) for t in at])
     normals = np.cross(tangents, (1.0, 0.0, 0.0))
     normals *= np.sign(normals[:, 1].sum())
-    way = np.array([LENGTH, 0.0, 0.0])
+    span = np.array([LENGTH, 0.0, 0.0])
     k = np.arange(ALONG - 1)
     faces = np.vstack([np.column_stack([k, k + 1, k + ALONG]), np.column_stack([k + 1, k + 1 + ALONG, k + ALONG])])
     both = np.vstack([normals, normals])
-    outside = np.vstack([line, line + way])
+    outside = np.vstack([line, line + span])
     return [Patch("steel", outside, both, faces).wound(), Patch("steel", outside - 3.0 * both, -both, faces).wound()]
 
 

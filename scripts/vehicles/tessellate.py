@@ -100,9 +100,9 @@ def _wall(seam: Seam) -> Patch:
     mesh = BRep_Tool.Triangulation_s(seam.piece.wrapped, location)
     nodes = np.array(list(BRep_Tool.PolygonOnTriangulation_s(seam.edge, mesh, location).Nodes()), dtype=np.int64)
     line = np.array([(node.X(), node.Y(), node.Z()) for node in (mesh.Node(int(i)) for i in nodes)])
-    way = seam.far - seam.near
+    segment = seam.far - seam.near
     tangents = np.gradient(line, axis=0)
-    normals = np.cross(tangents, way)
+    normals = np.cross(tangents, segment)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     # The third corner of the piece's triangle at the first segment tells which side the piece lies on.
     first = {int(nodes[0]), int(nodes[1])}

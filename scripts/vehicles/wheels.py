@@ -40,7 +40,7 @@ def _round(section: bd.Edge, count: int, radius: float, material: str, inward: b
     at = np.linspace(0.0, 1.0, count)
     line = np.array([(point.X, point.Y) for point in (section @ float(t) for t in at)])
     line[:, 0] = np.minimum(line[:, 0], radius)
-    tangents = np.array([(way.X, way.Y) for way in (section % float(t) for t in at)])
+    tangents = np.array([(tangent.X, tangent.Y) for tangent in (section % float(t) for t in at)])
     angles = 2.0 * np.pi * np.arange(TURNS + 1) / TURNS
     spoke = np.column_stack([np.sin(angles), np.zeros(TURNS + 1), -np.cos(angles)])
     axle = np.array([0.0, 1.0, 0.0])
