@@ -98,5 +98,5 @@ def _of_tilt(use: MirrorInUse, name: str) -> float | None:
 register(Measure("column_tilt_arcmin", "column tilt", "′", 1, "how far the column's image leans to the right",
                  lambda use: _of_tilt(use, "arcmin"), group="Straightness", better="less"))
 register(Measure("column_tilt_by_curvature_arcmin", "column tilt by the mirror's curvature", "′", 1,
-                 "less that of a flat mirror tangent there", lambda use: _of_tilt(use, "by_curvature_arcmin"), group="Straightness",
-                 better="less"))
+                 "less that of a flat mirror tangent there", lambda use: _of_tilt(use, "by_curvature_arcmin"),
+                 group="Straightness", better="less"))
