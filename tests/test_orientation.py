@@ -126,9 +126,9 @@ def test_what_is_shown_twice_is_not_measured_and_the_table_says_so(scene: SceneF
     subject = asked_of(scene, {name: body for name, body in World(scene).named if name})
     seen = [measure(on_vehicle("dish", dish(radius), scene), subject) for radius in (800.0, 1600.0)]
     once, twice = (figures_as_json(each) for each in seen)
-    assert once["image"] == {"sense": "upside down and left for right", "twice": False}
+    assert once["image"] == {"way": "upside down and left for right", "twice": False}
     assert once["field_deg"]["horizon_either"] > 0.0
-    assert twice["image"] == {"sense": "some things twice", "twice": True}
+    assert twice["image"] == {"way": "some things twice", "twice": True}
     assert twice["magnification"]["horizontal"]["middle"] > 1.0
     json.dumps([once, twice], allow_nan=False)
     rows = {row.name: row for _, rows in groups_of(seen[1:]) for row in rows}
