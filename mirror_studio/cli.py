@@ -34,6 +34,7 @@ Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the repor
 # Nine numbers may begin with a minus.
 PlaceText = Annotated[str, Parameter(name="--place", allow_leading_hyphen=True)]
 PlaceTexts = Annotated[list[str] | None, Parameter(name="--place", negative=(), allow_leading_hyphen=True)]
+Datum = Annotated[list[str] | None, Parameter(name="--datum", negative=(), allow_leading_hyphen=True)]
 
 Png = Annotated[list[Path] | None, Parameter(name="--png", negative=(), consume_multiple=(0, 1))]
 Faces = Annotated[bool, Parameter(name="--faces", negative=(), help="List a CAD file's faces and trace nothing.")]
@@ -266,8 +267,8 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
 @app.command
 def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["none", "321", "best-fit"] = "best-fit",
-            sigma_mm: float | None = None, gauge_mm: float | None = None, scene: str | None = None, out: Out = None,
-            pdf: Pdf = False, json: Json = False) -> int:
+            sigma_mm: float | None = None, gauge_mm: float | None = None, scene: str | None = None,
+            datum: Datum = None, out: Out = None, pdf: Pdf = False, json: Json = False) -> int:
     """Lay the measured points of a made mirror on its design: deviation of curvature, slope and height, each with its sigma.
 
     Parameters
@@ -286,17 +287,19 @@ def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["
         Over which slope and curvature are told; without it 38, a spherometer's.
     scene
         A scene's name, or a TOML file: the measures of the mirror on its vehicle are taken too, with their intervals.
+    datum
+        X,Y of a place that `--align 321` lays the mirror on, mm in mirror coordinates; given three times.
     """
     _start_reader([*data, *([] if against is None else [Path(against)])])
     if pdf:
         from mirror_studio.report.pdf import check_pdf
 
         check_pdf()
-    from mirror_studio.inspect.run import Asked
+    from mirror_studio.inspect.run import Asked, datums_from
     from mirror_studio.inspect.run import inspect_file as run
     from mirror_studio.progress import Progress
 
-    asked = Asked(tuple(data), against, align, sigma_mm, gauge_mm, scene)
+    asked = Asked(tuple(data), against, align, sigma_mm, gauge_mm, scene, datums_from(datum or ()))
     content, missed = run(asked, out or Path("exports") / f"{data[0].stem}-inspection", Progress(), pdf)
     return _finish(content, missed, json)
 

@@ -146,7 +146,10 @@ def test_units_are_found_or_their_fault_is_said(tmp_path: Path, capsys: pytest.C
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (["--sigma-mm", "0"], "--sigma-mm 0"), (["--sigma-mm", "-1"], "--sigma-mm -1"), (["--gauge-mm", "0"], "--gauge-mm 0"),
-    (["--align", "321x"], "align"),
+    (["--align", "321x"], "align"), (["--datum", "1,2"], "321 lays a mirror on three places"),
+    (["--datum", "1;2"], "--datum 1;2: must be X,Y"),
+    (["--datum", "-1,2", "--datum", "3,4", "--datum", "5,-6"], "--datum belongs to --align 321"),
+    (["--scene", "motorwy"], "did you mean the scene 'motorway'"),
 ])
 def test_bad_options_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str) -> None:
     data = written(tmp_path / "points.csv", table(points()))

@@ -233,6 +233,16 @@ def test_three_datum_places_take_height_and_tilt_away_and_nothing_else() -> None
     assert abs(main.height.largest or 1.0) < 1e-6
     beside = inspect(nominal("progressive-c"), points("progressive-c") + [1.0, 0.0, 0.0], align="321")
     assert beside.motion.translation[:2] == pytest.approx([0.0, 0.0], abs=0.05)
+    own = ((-60.0, 100.0), (70.0, 90.0), (10.0, -110.0))
+    twisted = points("sphere-950") + np.outer(points("sphere-950")[:, 0] * points("sphere-950")[:, 1], [0.0, 0.0, 1e-5])
+    laid = inspect(nominal("sphere-950"), tilted.of_points(twisted), align="321", datums=own)
+    places, height = laid.fields.lattice.places, laid.fields.height
+    off = [abs(height[np.argmin(np.hypot(*(places - each).T))]) for each in own]
+    assert max(off) < 0.005 < np.nanmax(np.abs(height))  # mm: a cell of the lattice beside a datum it slopes by some 1e-3
+    with pytest.raises(AlignmentError, match="lie on a line"):
+        inspect(nominal("sphere-950"), points("sphere-950"), align="321", datums=((0.0, 0.0), (50.0, 50.0), (80.0, 80.5)))
+    with pytest.raises(AlignmentError, match="outside the mirror's outline"):
+        inspect(nominal("sphere-950"), points("sphere-950"), align="321", datums=((0.0, 0.0), (50.0, 50.0), (180.0, 0.0)))
     with pytest.raises(AlignmentError, match="datum place"):
         inspect(nominal("sphere-950"), points("sphere-950") + [500.0, 0.0, 0.0], align="321")
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.made.alignment import Alignment, AlignmentError, best_fit
-from mirror_cad.made.datums import on_three_points
+from mirror_cad.made.datums import Datums, on_three_points
 from mirror_cad.made.fields import DeviationFields, deviation_fields
 from mirror_cad.made.motion import Motion
 from mirror_cad.made.nominal import Nominal
@@ -83,7 +83,7 @@ class Inspection:
 
 def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align: Align = "best-fit",
             gauge_mm: float = GAUGE_MM, given: Motion | None = None, extra: Observations | None = None,
-            combined: Sequence[Combined] = ()) -> Inspection:
+            combined: Sequence[Combined] = (), datums: Datums | None = None) -> Inspection:
     """Lay measured points on a design and reconstruct the mirror.
 
     Parameters
@@ -102,6 +102,8 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
         From the coordinates of the points to the design's, as files have them; none without it.
     extra, combined
         Slopes, curvatures and readings, in mirror coordinates, with their own sigmas.
+    datums : tuple, optional
+        The three places that `align = "321"` lays the mirror on, (x, y), mm; three of the mirror's own without them.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
         left_out["duplicates"] = len(points) - len(first)
     motion, alignment = given or Motion.identity(), None
     if align == "321" and len(points):
-        motion = on_three_points(nominal, points[first], motion)
+        motion = on_three_points(nominal, points[first], motion, datums)
     elif align == "best-fit" and len(points):
         alignment = _aligned(nominal, points[first], None if sigmas is None else sigmas[first], motion)
         motion = alignment.motion

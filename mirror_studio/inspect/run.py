@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.errors import SpecError
+from mirror_cad.made.datums import Datums
 from mirror_cad.made.figures import Figures, figures
 from mirror_cad.made.hidden_form import hidden_form
 from mirror_cad.made.inspection import GAUGE_MM, Align, Inspection, inspect
@@ -56,6 +58,8 @@ class Asked:
         Over which curvature is told; GAUGE_MM without it.
     scene : str or None
         On whose vehicle the driver looks into the mirror too.
+    datums : tuple or None
+        The three places (x, y), mm, that `align = "321"` lays the mirror on.
     """
 
     data: tuple[Path, ...]
@@ -64,6 +68,7 @@ class Asked:
     sigma_mm: float | None = None
     gauge_mm: float | None = None
     scene: str | None = None
+    datums: Datums | None = None
 
 
 def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[JsonObject, tuple[str, ...]]:
@@ -127,7 +132,7 @@ def _inspected(asked: Asked, reference: Reference, read: MeasuredPoints, others:
     progress.step(f"{len(read.points)} points: alignment and surface")
     extra, readings = joined(others)
     found = inspect(reference.nominal, read.points, sigmas, asked.align, asked.gauge_mm or GAUGE_MM, reference.given, extra,
-                    readings)
+                    readings, asked.datums)
     main, judged = figures(reference.nominal, found.fields), None
     if reference.limit_percent is not None and not found.fields.flat:
         judged = verdict(found.fields, reference.limit_percent)
@@ -192,6 +197,35 @@ def _read(asked: Asked, reference: Reference, progress: Progress) -> tuple[Measu
     return points, others
 
 
+def datums_from(texts: Sequence[str]) -> Datums | None:
+    """Read three places, each as X,Y in mm; None for no text.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        As a command line has them.
+
+    Raises
+    ------
+    SpecError
+        For what are not three places.
+    """
+    if not texts:
+        return None
+    places = []
+    for text in texts:
+        try:
+            x, y = (float(each) for each in text.split(","))
+        except ValueError:
+            raise SpecError(f"--datum {text}: must be X,Y, two numbers in mm") from None
+        if not (np.isfinite(x) and np.isfinite(y)):
+            raise SpecError(f"--datum {text}: must be two finite numbers in mm")
+        places.append((x, y))
+    if len(places) != 3:
+        raise SpecError(f"--datum: {len(places)} given: 321 lays a mirror on three places")
+    return places[0], places[1], places[2]
+
+
 def write_measured_step(path: Path, reference: Reference, surface: BSplineSurface) -> None:
     """Write the measured surface inside the design's outline, in the coordinates of the design's own file.
 
@@ -226,6 +260,8 @@ def _check(asked: Asked) -> None:
         raise SpecError(f"--sigma-mm {asked.sigma_mm:g}: must be above 0 and at most {LARGEST_SIGMA_MM:g} mm")
     if asked.gauge_mm is not None and not LEAST_GAUGE_MM <= asked.gauge_mm < np.inf:
         raise SpecError(f"--gauge-mm {asked.gauge_mm:g}: must be {LEAST_GAUGE_MM:g} mm or more")
+    if asked.datums is not None and asked.align != "321":
+        raise SpecError("--datum belongs to --align 321")
     if asked.scene is not None:
         load_scene(asked.scene)
     for path in asked.data:
