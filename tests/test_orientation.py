@@ -169,9 +169,9 @@ def test_concave_and_whole_spheres_of_another_program_are_driven_or_refused(tmp_
     for name, shape in (("bowl", bowl), ("ball", Sphere(150))):
         write_step(tmp_path / f"{name}.step", [Part(shape.wrapped, name)], name)
     found = figures_as_json(measure(driven_mirror(str(tmp_path / "bowl.step"), scene), subject))
-    assert found["image"]["sense"] == "upside down and left for right"
+    assert found["image"]["way"] == "upside down and left for right"
     ball = figures_as_json(measure(driven_mirror(str(tmp_path / "ball.step"), scene), subject))
-    assert ball["image"]["sense"] == "upright"
+    assert ball["image"]["way"] == "upright"
     # Its rim is where it turns by 60° from its front: it shows some 240° of the world but for what hides it.
     assert 60.0 < ball["field_deg"]["horizon_either"] < 240.0
     aimed = scene.model_copy(update={"aim": AimSection(), "mirror": scene.mirror.model_copy(update={"yaw_deg": None})})
