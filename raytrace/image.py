@@ -89,23 +89,23 @@ def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: N
     per_pixel = samples * samples
     colours = picture.reshape(-1, 3)
     counts: Counter[str] = Counter()
-    lock, own = threading.Lock(), threading.local()
+    lock, thread = threading.Lock(), threading.local()
 
     def work(start: int, stop: int) -> None:
         rays = (stop - start) * per_pixel
-        if getattr(own, "rays", 0) != rays:  # a thread's arrays serve for all of its runs
-            own.rays, own.trace, own.directions = rays, Trace.empty(rays), np.empty((rays, 3))
-            own.sums = np.empty((stop - start, 3))
-        _directions(pixels[start:stop], camera.columns, camera.base, camera.across, camera.down, inner, own.directions)
+        if getattr(thread, "rays", 0) != rays:  # a thread's arrays serve for all of its runs
+            thread.rays, thread.trace, thread.directions = rays, Trace.empty(rays), np.empty((rays, 3))
+            thread.sums = np.empty((stop - start, 3))
+        _directions(pixels[start:stop], camera.columns, camera.base, camera.across, camera.down, inner, thread.directions)
         if reflector is None:
-            own.trace.status[:] = Status.MISSED
-            trace = own.trace
+            thread.trace.status[:] = Status.MISSED
+            trace = thread.trace
         else:
-            trace = reflect(reflector, camera.eye, own.directions, out=own.trace)
-        own.sums[:] = 0.0
-        scene.add_colours(trace, camera.eye, own.directions, own.sums, per_pixel)
-        own.sums *= 1.0 / per_pixel
-        _place(scene.to_display(own.sums), pixels[start:stop], colours)
+            trace = reflect(reflector, camera.eye, thread.directions, out=thread.trace)
+        thread.sums[:] = 0.0
+        scene.add_colours(trace, camera.eye, thread.directions, thread.sums, per_pixel)
+        thread.sums *= 1.0 / per_pixel
+        _place(scene.to_display(thread.sums), pixels[start:stop], colours)
         with lock:
             counts.update(trace.counts())
 

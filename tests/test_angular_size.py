@@ -134,10 +134,10 @@ def test_nodes_are_seen_where_the_view_finds_them_and_their_lines_are_rows_and_c
     found = grid_distortion(view)
     assert np.diff(found.azimuth_deg) == pytest.approx(1.0)
     assert np.diff(found.elevation_deg) == pytest.approx(1.0)
-    sight = view.trace_points(found.on_plane[found.shown])
-    assert sight.seen.all()
+    traced = view.trace_points(found.on_plane[found.shown])
+    assert traced.seen.all()
     azimuth, elevation = np.meshgrid(found.azimuth_deg, found.elevation_deg)
-    ways = sight.directions
+    ways = traced.directions
     assert np.degrees(np.arctan2(ways[:, 1], ways[:, 0])) == pytest.approx(azimuth[found.shown], abs=1e-7)
     assert np.degrees(np.arcsin(ways[:, 2])) == pytest.approx(elevation[found.shown], abs=1e-7)
     assert np.array_equal(np.isfinite(found.residual_arcmin), found.shown)

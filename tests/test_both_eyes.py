@@ -83,10 +83,10 @@ def test_the_disparity_of_a_sphere_is_that_of_its_closed_form_at_each_eyes_own_p
     views = EyeViews.of(quadric("sphere", RADIUS), UPRIGHT, LEVEL)
     found = disparity(views, columns=15, rows=3)  # the middle row is at the eyes' height
     left, right = LevelSphere(UPRIGHT, LEVEL.left), LevelSphere(UPRIGHT, LEVEL.right)
-    sight = views.middle.trace_points(found.on_plane[1])
-    assert np.abs(sight.directions[:, 2]).max() < 1e-9
+    traced = views.middle.trace_points(found.on_plane[1])
+    assert np.abs(traced.directions[:, 2]).max() < 1e-9
     compared = 0
-    for percent, way in zip(found.percent[1], sight.directions, strict=True):
+    for percent, way in zip(found.percent[1], traced.directions, strict=True):
         if np.isfinite(percent):
             azimuth = float(np.arctan2(way[1], way[0]))
             m_left, m_right = left.magnification(azimuth), right.magnification(azimuth)

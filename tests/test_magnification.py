@@ -196,11 +196,11 @@ def test_small_far_things_are_seen_as_large_as_the_magnification_says() -> None:
     """Two far points 1′ apart, found in the mirror by the inverse of the view: the angle between the places they are seen."""
     view = View(spline("progressive-c"), POSE, EYE)
     on_plane = np.array([[-90.0, 40.0], [-30.0, -100.0], [60.0, 10.0], [90.0, 100.0]])
-    sight = view.trace_points(on_plane)
+    traced = view.trace_points(on_plane)
     found = ray_differentials(view, on_plane).at()
     half = 0.5 * np.radians(1.0 / 60.0)
-    for across, expected in zip(frame(sight.directions), (found.horizontal, found.vertical), strict=True):
-        ends = [image_points(view, np.cos(half) * sight.directions + sign * np.sin(half) * across, at_infinity=True)[0]
+    for across, expected in zip(frame(traced.directions), (found.horizontal, found.vertical), strict=True):
+        ends = [image_points(view, np.cos(half) * traced.directions + sign * np.sin(half) * across, at_infinity=True)[0]
                 for sign in (-1.0, 1.0)]
         seen = np.linalg.norm(view.towards(ends[1]) - view.towards(ends[0]), axis=1) / (2.0 * half)
         # The view finds a far point to 1e-10, of 3e-4; and 1′ is not infinitely small.

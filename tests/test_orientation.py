@@ -84,8 +84,8 @@ def test_what_is_said_to_be_shown_twice_is_and_nothing_else() -> None:
     for radius, twice in ((1703.0, True), (1600.0, False), (800.0, False), (4000.0, False)):
         view = View(dish(radius), STRAIGHT, eye_at(np.radians(20.0), 0.3, 800.0))
         x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-90, 90, 200), np.linspace(-90, 90, 200)))
-        sight = view.trace_points(np.stack([x, y], axis=1))
-        directions, on_mirror = sight.directions[sight.seen], sight.on_mirror[sight.seen][:, :2]
+        traced = view.trace_points(np.stack([x, y], axis=1))
+        directions, on_mirror = traced.directions[traced.seen], traced.on_mirror[traced.seen][:, :2]
         pairs = cKDTree(directions).query_pairs(1e-4, output_type="ndarray")
         apart = np.linalg.norm(on_mirror[pairs[:, 0]] - on_mirror[pairs[:, 1]], axis=1)
         assert bool((apart > 20.0).any()) == twice
@@ -202,9 +202,9 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
     assert high - low > 200.0
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-200.0, 200.0, 3000), np.linspace(-100.0, 150.0, 1000)))
     on_plane = np.stack([x, y], axis=1)
-    sight = view.trace_points(on_plane)
-    level = _shows(view, on_plane, sight) & (np.abs(sight.directions[:, 2]) < 2e-3)
-    azimuth = np.degrees(np.arctan2(sight.directions[level, 1], sight.directions[level, 0]))
+    traced = view.trace_points(on_plane)
+    level = _shows(view, on_plane, traced) & (np.abs(traced.directions[:, 2]) < 2e-3)
+    azimuth = np.degrees(np.arctan2(traced.directions[level, 1], traced.directions[level, 0]))
     assert low - 0.2 < azimuth.min() < low + 1.0  # the limb, along which little of the picture shows much
     assert high - 0.2 < azimuth.max() < high + 0.2
     assert len(np.unique(np.round(azimuth))) == round(azimuth.max()) - round(azimuth.min()) + 1

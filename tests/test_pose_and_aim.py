@@ -84,11 +84,11 @@ def test_what_a_ray_meets_is_found_again_where_the_ray_went(progressive: raytrac
     view = View(progressive, posed(15.0, 3.0, hand=hand), eye)
     x, y = np.meshgrid(np.linspace(-110, 110, 21), np.linspace(-140, 140, 21))
     places = np.stack([x.ravel(), y.ravel()], axis=1)
-    sight = view.trace_points(places)
-    for at_infinity, targets in ((False, sight.points + 7000.0 * sight.directions), (True, sight.directions)):
-        found, shown = image_points(view, targets[sight.seen], at_infinity)
+    traced = view.trace_points(places)
+    for at_infinity, targets in ((False, traced.points + 7000.0 * traced.directions), (True, traced.directions)):
+        found, shown = image_points(view, targets[traced.seen], at_infinity)
         assert shown.all()
-        assert np.allclose(found, places[sight.seen], rtol=0, atol=1e-6)
+        assert np.allclose(found, places[traced.seen], rtol=0, atol=1e-6)
 
 
 def test_the_right_hand_mirror_shows_the_reflected_world(progressive: raytrace.Reflector) -> None:

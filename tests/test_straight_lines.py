@@ -183,9 +183,9 @@ def test_lines_in_a_plane_of_symmetry_stay_straight() -> None:
     pose = Pose(CENTRE, np.zeros(3), np.radians(14.0), np.radians(2.7))
     view = View(ball(), pose, EYE)
     centre = pose.to_vehicle(np.array([0.0, 0.0, -950.0]))
-    sight = view.trace_points(np.array([[20.0, 10.0]]))
+    traced = view.trace_points(np.array([[20.0, 10.0]]))
     along = (centre - EYE) / np.linalg.norm(centre - EYE)  # in the plane of eye, centre, and all of this ray
-    bow = line_bow(view, StraightLine(sight.points[0] + 20_000.0 * sight.directions[0] - 1500.0 * along, along, 3000.0))
+    bow = line_bow(view, StraightLine(traced.points[0] + 20_000.0 * traced.directions[0] - 1500.0 * along, along, 3000.0))
     assert bow is not None
     assert bow.extent_arcmin > 60.0
     assert abs(bow.arcmin) < ROUNDING
@@ -374,10 +374,10 @@ def test_an_edge_that_is_looked_for_is_the_outline() -> None:
 
     assert area(found) == pytest.approx(area(known), rel=2e-5)  # chords of 0.6 mm, in corners of 40 mm
     for value in (lambda q, d: d[:, 2], lambda q, d: d[:, 1] + 0.3):
-        k, on_plane, sight = known.crossings(value)
+        k, on_plane, traced = known.crossings(value)
         k_2, places_2, _ = found.crossings(value)
         assert len(k) == len(k_2) == 2
-        assert np.abs(value(sight.points, sight.directions)).max() < 1e-12
+        assert np.abs(value(traced.points, traced.directions)).max() < 1e-12
         assert on_plane[np.argsort(on_plane[:, 0])] == pytest.approx(places_2[np.argsort(places_2[:, 0])], abs=1e-4)
 
 
@@ -391,9 +391,9 @@ def test_a_ray_through_the_edge_meets_the_line() -> None:
     view, line = view_of("progressive-c"), road_line(-5250.0)
     seen = LineView.of(view, line)
     angle, on_plane, _ = seen.crossings()
-    sight = view.untrimmed.trace_points(on_plane)
+    traced = view.untrimmed.trace_points(on_plane)
     point = line.at(seen.along(angle))
-    across = np.cross(point - sight.points, sight.directions)
+    across = np.cross(point - traced.points, traced.directions)
     assert np.linalg.norm(across, axis=1).max() < 1e-6
 
 

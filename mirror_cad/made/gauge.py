@@ -26,7 +26,7 @@ ACROSS = 15  # sample points across the disc
 PLACES_AT_ONCE = 400
 # Of the quadratic's normal matrix, smallest to largest eigenvalue in units of the radius: below it what is left of a disc at
 # an edge does not tell all six.
-LEAST_CONDITION = 1e-5
+MIN_CONDITION = 1e-5
 
 
 class GaugeValues(NamedTuple):
@@ -136,7 +136,7 @@ def _quadratic_rows_of_part(offsets: Array, radius: float, counted: Mask) -> Arr
         return None
     normal = a.T @ a / len(a)
     eigenvalues = np.linalg.eigvalsh(normal)
-    if eigenvalues[0] < LEAST_CONDITION * eigenvalues[-1]:
+    if eigenvalues[0] < MIN_CONDITION * eigenvalues[-1]:
         return None
     rows = np.zeros((6, len(offsets)))
     rows[:, counted] = np.linalg.solve(normal, a.T / len(a)) * _scales(radius)[:, None]

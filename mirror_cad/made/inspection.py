@@ -26,7 +26,7 @@ GAUGE_MM = 38.0  # a usual spherometer's outer feet
 BEYOND_MM = 2.0  # outside the outline: points farther off are not of the mirror
 LAST_STEPS = 1  # with all points, from where a part of them led: the first is off by its square
 FEW = 20_000  # points that an alignment is found with before all of them have their say
-LEAST_POINTS = 6
+MIN_POINTS = 6
 # Odd numbers that spread the bits of coordinates over a key: two of a million points share one by chance once in 10⁷ files.
 MIXING = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 STRANGE = 0.05  # of the mirror's size, RMS after alignment: no mirror of this design
@@ -110,8 +110,8 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
     AlignmentError, ReconstructionError
         For points that cannot be laid on the design, or tell no surface.
     """
-    if len(points) < LEAST_POINTS and (len(points) or extra is None):
-        raise AlignmentError(f"{len(points)} points tell no mirror: at least {LEAST_POINTS} are needed")
+    if len(points) < MIN_POINTS and (len(points) or extra is None):
+        raise AlignmentError(f"{len(points)} points tell no mirror: at least {MIN_POINTS} are needed")
     left_out: dict[str, int] = {}
     first = _first_of_equal(points)
     used = np.zeros(len(points), dtype=bool)

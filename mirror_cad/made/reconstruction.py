@@ -34,9 +34,9 @@ NO_OUTLIER = 2e-9
 BETTER = 0.98  # of the generalised cross-validation: less is no reason for more spans
 PRIOR = 20.0  # times the designed curvature: what second derivatives may be where nothing was measured
 PRIOR_FLAT = 0.2  # over the mirror's size, for a plane
-LEAST_POINTS = 6
+MIN_POINTS = 6
 UNSTATED_MM = 1e-6  # a sigma to begin with, below all that is measured, so that the prior says nothing
-LEAST_FACTOR = 1e-6  # of residuals that are exactly nought
+MIN_FACTOR = 1e-6  # of residuals that are exactly nought
 HELD_MM, HELD_SLOPE = 1e-4, 1e-7  # sigmas of a mean height and mean slopes that nothing tells and that are set to nought
 NO_PRIOR = 1e9  # 1/mm
 
@@ -106,8 +106,8 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     """
     x, y = points[:, 0], points[:, 1]
     count = len(points) + (0 if extra is None else extra.x.size) + len(combined)
-    if count < LEAST_POINTS:
-        raise ReconstructionError(f"{count} measured points are left on the mirror: at least {LEAST_POINTS} are needed")
+    if count < MIN_POINTS:
+        raise ReconstructionError(f"{count} measured points are left on the mirror: at least {MIN_POINTS} are needed")
     z, zx, zy = nominal.heights(x, y)
     tilt = np.sqrt(1.0 + zx * zx + zy * zy)  # heights over perpendicular distances
     along = (points[:, 2] - z) / tilt
@@ -164,7 +164,7 @@ def reconstruct(nominal: Nominal, points: Array, sigmas: Array | None, gauge_mm:
     scale = chosen.scale if np.isfinite(chosen.scale) else 1.0
     factor = max(1.0, scale) if stated else scale
     sigma_mm = factor * float(np.median(given)) if len(given) else float("nan")
-    smooth = smoothed(chosen, max(factor, LEAST_FACTOR))
+    smooth = smoothed(chosen, max(factor, MIN_FACTOR))
     return Reconstruction(chosen, smooth, factor, sigma_mm, kept, residuals, coverage, principle, tuple(tried))
 
 
@@ -195,7 +195,7 @@ def _without_isolated(nominal: Nominal, extra: Observations) -> Observations:
     kinds = np.argmax(np.abs(extra.operators) > 0.0, axis=1)
     for kind in np.unique(kinds):
         rows = np.flatnonzero(kinds == kind)
-        if len(rows) < 2 * LEAST_POINTS:
+        if len(rows) < 2 * MIN_POINTS:
             continue
         relative = extra.values[rows] / extra.sigmas[rows]
         rest = relative - _cell_medians(extra.x[rows], extra.y[rows], relative)
@@ -219,7 +219,7 @@ def isolated_points(nominal: Nominal, x: Array, y: Array, along: Array, sigmas: 
     sigmas : ndarray
         (n,), whose ratio weighs the points.
     """
-    if len(x) < 2 * LEAST_POINTS:
+    if len(x) < 2 * MIN_POINTS:
         return np.ones(len(x), dtype=bool)
     few = slice(None, None, max(1, len(x) // 20_000))
     weights = tukey(along[few], max(robust_sigma(along[few]), NO_OUTLIER * nominal.size_mm))

@@ -29,7 +29,7 @@ DEGREE = 5
 TERMS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # orders of derivation by x and y that an operator weighs
 CHUNK = 50_000  # observations whose basis functions are held at once
 # The energy's weight beside the data's, relative, below which rounding would decide what no observation tells.
-LEAST_ENERGY = 1e-11
+MIN_ENERGY = 1e-11
 # Height and tilt, which have no energy: one observation 0 ± these of the whole, for points on a line, or slopes alone.
 PRIOR_HEIGHT, PRIOR_SLOPE = 0.1, 0.1
 
@@ -272,8 +272,8 @@ def _prior(space: Space, total: float, curvature: float) -> coo_array:
     """What holds what no observation tells, beside a normal matrix of this trace."""
     energy, level = _energy(space), _level(space)
     hx, hy = space.span_mm
-    return (energy * max(1.0 / (curvature**2 * hx * hy), LEAST_ENERGY * total / energy.trace())
-            + level * max(1.0, LEAST_ENERGY * total / level.trace())).tocoo()
+    return (energy * max(1.0 / (curvature**2 * hx * hy), MIN_ENERGY * total / energy.trace())
+            + level * max(1.0, MIN_ENERGY * total / level.trace())).tocoo()
 
 
 def _solved(space: Space, matrix: Array, vector: Array, held: coo_array) -> SplineFit:

@@ -54,7 +54,7 @@ def _angle(value: object, where: str) -> float:
     return angle
 
 
-def _places(value: object) -> Numbers | None:
+def _nodes(value: object) -> Numbers | None:
     value = _list(value)
     if value is None:
         return None
@@ -97,7 +97,7 @@ def _file_of(raw: dict[str, object], info: ValidationInfo) -> Path:
 
 
 Angles = Annotated[Numbers | Rows, PlainValidator(_angles)]
-Places = Annotated[Numbers | None, PlainValidator(_places)]
+Nodes = Annotated[Numbers | None, PlainValidator(_nodes)]
 Weights = Annotated[Rows, PlainValidator(_weights)]
 FileName = Annotated[str | None, Field(exclude=True), ELSEWHERE]
 
@@ -110,8 +110,8 @@ class TargetWeight(Section):
     file : a CSV file with the columns x_mm, y_mm and weight instead, a row for each node.
     """
 
-    x_mm: Places
-    y_mm: Places
+    x_mm: Nodes
+    y_mm: Nodes
     weight: Weights
     file: FileName = None
 
@@ -152,8 +152,8 @@ class Target(Section):
     projection: Literal["perspective", "equal-angle", "profile", "table"]
     azimuth_deg: Angles
     elevation_deg: Angles
-    x_mm: Places = None
-    y_mm: Places = None
+    x_mm: Nodes = None
+    y_mm: Nodes = None
     eye: Literal["one", "both"] = "one"
     convex: bool = False
     file: FileName = None

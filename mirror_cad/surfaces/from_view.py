@@ -37,9 +37,9 @@ SETTLED_MM = 1e-9  # of the height: what a file's digits keep
 # much as the rays miss, as what is noise to the one is structure to the other: SMOOTH where these miss SMOOTH_ARCMIN or more,
 # and less with its square, so that a view that a surface can show is met as if there were nothing beside the mirror.
 SMOOTH, SMOOTH_ARCMIN = 2e-3, 1.0
-LEAST_SMOOTH = 1e-10  # or what no ray sees would be settled by nothing
+MIN_SMOOTH = 1e-10  # or what no ray sees would be settled by nothing
 SEEN = 0.1  # a pole of whose reach the mirror has this share is settled by its rays
-LEAST_WEIGHT = 1e-9  # of the largest: what counts less is no part of the mirror, and is held as what lies beside it
+MIN_WEIGHT = 1e-9  # of the largest: what counts less is no part of the mirror, and is held as what lies beside it
 # On the diagonal of the scaled normal equations, whose rounding is some 1e-15: it only shortens a step, and moves no minimum.
 RIDGE = 1e-13
 STEEPEST = 5.7  # of a slope, 80°: beyond, a sheet over (x, y) is no description of a mirror
@@ -254,7 +254,7 @@ class _Problem:
         """One step; returns by how much it moved the mirror at most, mm."""
         residuals, slopes = self._residuals(self.heights)
         missed = ARCMIN * np.sqrt(sum(float(self.weight @ np.sum(one**2, axis=1)) for one in residuals) / len(residuals))
-        share = max(SMOOTH * min(1.0, missed / SMOOTH_ARCMIN)**2, LEAST_SMOOTH)**2
+        share = max(SMOOTH * min(1.0, missed / SMOOTH_ARCMIN)**2, MIN_SMOOTH)**2
         matrix = share * self.smooth_squared
         right = -share * self.smooth_free.T @ (self.smooth @ self.heights)
         for residual, (by_z, by_zx, by_zy) in zip(residuals, slopes, strict=True):
@@ -347,7 +347,7 @@ def _counts(weight: WeightMap, x: Array, y: Array, share: Array) -> Array:
     largest = float(found[share > 0.0].max(initial=0.0))
     if largest == 0.0:
         raise SurfaceError("target.weight is 0 all over the mirror: some place of it must count")
-    return np.where(found > LEAST_WEIGHT * largest, found, 0.0)
+    return np.where(found > MIN_WEIGHT * largest, found, 0.0)
 
 
 def _blossom_of_square(knots: Array, degree: int) -> Array:
@@ -423,11 +423,11 @@ def _third_differences(knots: tuple[Array, Array], degree: int, inside: Array) -
     """
     parts = []
     for axis in (0, 1):
-        places = greville_abscissae(knots[axis], degree)
-        size = places[-1] - places[0]
-        rows = np.eye(len(places))
+        abscissae = greville_abscissae(knots[axis], degree)
+        size = abscissae[-1] - abscissae[0]
+        rows = np.eye(len(abscissae))
         for order in (1, 2, 3):
-            rows = np.diff(rows, axis=0) * (order / (places[order:] - places[:-order]))[:, None]
+            rows = np.diff(rows, axis=0) * (order / (abscissae[order:] - abscissae[:-order]))[:, None]
         rows *= size**2 / np.sqrt(inside.size)
         other = np.eye(inside.shape[1 - axis])
         least = np.min(np.lib.stride_tricks.sliding_window_view(inside, 4, axis=axis), axis=-1).ravel()

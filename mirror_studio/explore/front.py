@@ -15,7 +15,7 @@ from mirror_cad.errors import FileError
 
 FRONT, SUMMARY = "front.csv", "optimise.json"
 NOT_MEASURES = {"status", "cause", "step_apart"}  # columns beside keys and measures
-MOST_ROWS = 10_000
+MAX_ROWS = 10_000
 
 Value = float | str
 
@@ -106,8 +106,8 @@ def front_of(name: str, table: str, summary: str | None = None) -> Front:
         raise FileError(f"{name}: no front of a study: it has no column of a " + ("measure" if keys else "key"))
     if not designs:
         raise FileError(f"{name}: the front is empty: no design met the study's limits")
-    if len(designs) > MOST_ROWS:
-        raise FileError(f"{name}: {len(designs)} designs; a front of at most {MOST_ROWS} is shown")
+    if len(designs) > MAX_ROWS:
+        raise FileError(f"{name}: {len(designs)} designs; a front of at most {MAX_ROWS} is shown")
     told = _summary(name, summary, [columns[k] for k in measures])
     return Front(name, tuple(columns[k] for k in keys), tuple(columns[k] for k in measures),
                  tuple(tuple(_value(row[k]) for k in keys) for _, row in designs),

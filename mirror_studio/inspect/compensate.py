@@ -26,7 +26,7 @@ from mirror_studio.report.text import number, templates
 Array = NDArray[np.float64]
 
 MOULD_FACE = "mould face"
-LEAST_MEASURED = 0.9  # of the mirror: from less no mould is made
+MIN_MEASURED = 0.9  # of the mirror: from less no mould is made
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ def _measured(path: Path, asked: Asked, reference: Reference, progress: Progress
     progress.step(f"{path.name}: {len(read.points)} points: alignment and surface")
     found = inspect(reference.nominal, read.points, sigmas, asked.align, GAUGE_MM, reference.given)
     share = float(found.fields.measured_there.mean())
-    if share < LEAST_MEASURED:
+    if share < MIN_MEASURED:
         raise FileError(f"{path}: {100.0 * (1.0 - share):.0f} % of the mirror were not measured: a mould would be made up "
                         "there. "
                         "Measure all of it")

@@ -21,7 +21,7 @@ from mirror_studio.report.figure_style import DIVERGING, DPI, STYLE, WIDTH_IN
 Array = NDArray[np.float64]
 
 UNKNOWN = "#d4d4d0"
-LEAST_SCALE = 1e-9
+MIN_SCALE = 1e-9
 
 
 def form_maps(found: Inspection) -> bytes:
@@ -137,7 +137,7 @@ def _row(found: Inspection, maps: list[tuple[str, Array, bool]], one_scale: bool
         # What stands at the rim, where the gauge does not, is less sure and sets no scale.
         largest = [float(np.nanmax(np.abs(v[known if known.any() else slice(None)]), initial=0.0)) for _, v, _ in maps]
         for axes, (title, values, signed), own in zip(row, maps, largest, strict=True):
-            top = max(max(largest) if one_scale else own, LEAST_SCALE)
+            top = max(max(largest) if one_scale else own, MIN_SCALE)
             drawn = axes.imshow(found.fields.lattice.as_map(values).T, origin="lower", extent=(x_min, x_max, y_min, y_max),
                                 cmap=DIVERGING if signed else "viridis", norm=Normalize(-top if signed else 0.0, top),
                                 interpolation="nearest", aspect="equal")

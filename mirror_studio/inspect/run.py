@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 SEEN_SHARE = 0.97  # of the mirror: with less of it measured, what a driver sees in it is not known
 LARGEST_SIGMA_MM = 10.0
-LEAST_GAUGE_MM = 0.1
+MIN_GAUGE_MM = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,8 +258,8 @@ def _to_file(reference: Reference, motion: Motion) -> Motion:
 def _check(asked: Asked) -> None:
     if asked.sigma_mm is not None and not 0.0 < asked.sigma_mm <= LARGEST_SIGMA_MM:
         raise SpecError(f"--sigma-mm {asked.sigma_mm:g}: must be above 0 and at most {LARGEST_SIGMA_MM:g} mm")
-    if asked.gauge_mm is not None and not LEAST_GAUGE_MM <= asked.gauge_mm < np.inf:
-        raise SpecError(f"--gauge-mm {asked.gauge_mm:g}: must be {LEAST_GAUGE_MM:g} mm or more")
+    if asked.gauge_mm is not None and not MIN_GAUGE_MM <= asked.gauge_mm < np.inf:
+        raise SpecError(f"--gauge-mm {asked.gauge_mm:g}: must be {MIN_GAUGE_MM:g} mm or more")
     if asked.datums is not None and asked.align != "321":
         raise SpecError("--datum belongs to --align 321")
     if asked.scene is not None:

@@ -81,9 +81,9 @@ def _grid_within(outline: Array) -> Array:
     x_min, x_max, y_min, y_max = box_of_points(outline)
     share = np.linspace(-WITHIN, WITHIN, GRID)
     middle, half = 0.5 * np.array([x_min + x_max, y_min + y_max]), 0.5 * np.array([x_max - x_min, y_max - y_min])
-    places = middle + half * np.stack(np.meshgrid(share, share), axis=2).reshape(-1, 2)
+    at_xy = middle + half * np.stack(np.meshgrid(share, share), axis=2).reshape(-1, 2)
     sides = sizes.Polygon.of(outline)
-    return places[[sides.contains(*place) for place in places]]
+    return at_xy[[sides.contains(*place) for place in at_xy]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,9 +183,9 @@ class Measured:
         arcs = [self._arc(axis) for axis in (ALONG_Y, ALONG_X)]
         lengths = [float(length[-1]) for _, length in arcs]
         which = 1 if lengths[1] > lengths[0] else 0
-        places, length = arcs[which]
+        at_xy, length = arcs[which]
         wanted = length[-1] * np.array([1.0, 1.5, 2.0]) / 3.0
-        at = np.stack([np.interp(wanted, length, places[:, k]) for k in (0, 1)], axis=1)
+        at = np.stack([np.interp(wanted, length, at_xy[:, k]) for k in (0, 1)], axis=1)
         return self._read(at, (ALONG_Y, ALONG_X)[which])
 
     def _at_five_places(self) -> Radii:
@@ -220,11 +220,11 @@ class Measured:
         """Places (m, 2) along an arc through the centre, and how long it is up to each, mm (m,)."""
         ends = self._through_centre(axis)
         inset = self.reflector.surface.edge_inset
-        places = ends[0] + np.linspace(inset, 1.0 - inset, ARC_SAMPLES)[:, None] * (ends[1] - ends[0])
-        points = self.reflector.surface.points_over(places[:, 0].copy(), places[:, 1].copy())
+        at_xy = ends[0] + np.linspace(inset, 1.0 - inset, ARC_SAMPLES)[:, None] * (ends[1] - ends[0])
+        points = self.reflector.surface.points_over(at_xy[:, 0].copy(), at_xy[:, 1].copy())
         known = np.isfinite(points).all(axis=1)
-        places, points = places[known], points[known]
-        return places, np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        at_xy, points = at_xy[known], points[known]
+        return at_xy, np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
     @cached_property
     def _grid(self) -> Array:

@@ -27,7 +27,7 @@ from mirror_studio.scene_file import SceneFile, load_scene
 from raytrace.errors import TraceError
 from raytrace.seating import Place
 
-LEAST_LEG_MM, LONGEST_LEG_MM = 1.0, 300.0
+MIN_LEG_MM, LONGEST_LEG_MM = 1.0, 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,8 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
     rule = load_rule(asked.rule)
     class_name = rule.class_named(asked.class_name)
     scene = None if asked.vehicle is None else scene_with_eyes(asked.vehicle)
-    if asked.leg_mm is not None and not LEAST_LEG_MM <= asked.leg_mm <= LONGEST_LEG_MM:
-        raise SpecError(f"--leg-mm {asked.leg_mm:g}: must be from {LEAST_LEG_MM:g} to {LONGEST_LEG_MM:g} mm, between the outer "
+    if asked.leg_mm is not None and not MIN_LEG_MM <= asked.leg_mm <= LONGEST_LEG_MM:
+        raise SpecError(f"--leg-mm {asked.leg_mm:g}: must be from {MIN_LEG_MM:g} to {LONGEST_LEG_MM:g} mm, between the outer "
                         "feet")
     for key, value in (("", asked.told.reflectance_percent), ("night-", asked.told.reflectance_night_percent)):
         if value is not None and not 0.0 <= value <= 100.0:

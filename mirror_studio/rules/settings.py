@@ -19,7 +19,7 @@ from raytrace.errors import TraceError
 from raytrace.viewing.pose import TiltedPose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 
-MOST_DEG = 20.0  # that a mirror is turned by in its housing
+MAX_DEG = 20.0  # that a mirror is turned by in its housing
 GRID = 7  # settings a direction that are tried first
 FINEST_DEG = 0.005  # step of the search from the best of these
 ROUNDS = 4  # of going to the middle of yaw's range and of pitch's
@@ -129,8 +129,8 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
 
 def check_adjustment(within_deg: float, on_vehicle: bool) -> None:
     """Raises: SpecError for a range that is none, and for a mirror on no vehicle."""
-    if not 0.0 < within_deg <= MOST_DEG:
-        raise SpecError(f"--adjust-deg {within_deg:g}: must be above 0 and at most {MOST_DEG:g}")
+    if not 0.0 < within_deg <= MAX_DEG:
+        raise SpecError(f"--adjust-deg {within_deg:g}: must be above 0 and at most {MAX_DEG:g}")
     if not on_vehicle:
         raise SpecError("--adjust-deg needs --vehicle: fields of vision are those of a mirror on one")
 

@@ -30,7 +30,7 @@ from mirror_studio.tolerances.made import Departures, FormOfRow
 
 Array = NDArray[np.float64]
 
-LEAST_SAMPLES, MOST_SAMPLES = 8, 65_536
+MIN_SAMPLES, MAX_SAMPLES = 8, 65_536
 EDGE = 2.0**-40  # of the sampled shares: a normal distribution has no end
 
 
@@ -101,11 +101,11 @@ class EyeSection(Section):
 
 
 def _power_of_two(value: object) -> int:
-    if isinstance(value, int) and not isinstance(value, bool) and LEAST_SAMPLES <= value <= MOST_SAMPLES:
+    if isinstance(value, int) and not isinstance(value, bool) and MIN_SAMPLES <= value <= MAX_SAMPLES:
         if value & (value - 1) == 0:
             return value
         raise ValueError(f"must be a power of two: {1 << (value.bit_length() - 1)} or {1 << value.bit_length()}")
-    raise ValueError(f"must be a power of two from {LEAST_SAMPLES} to {MOST_SAMPLES}")
+    raise ValueError(f"must be a power of two from {MIN_SAMPLES} to {MAX_SAMPLES}")
 
 
 class TolerancesFile(Section):

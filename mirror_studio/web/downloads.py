@@ -148,9 +148,9 @@ class Downloads:
     async def _make(self, spec: MirrorSpec, look: ViewSettings, uploads: Uploads, report: Report) -> FileSet:
         with self._home() as home:
             source, out = home / f"{spec.name}.toml", home / "files"
-            brought = _written(source, spec, look, uploads)
+            files = _written(source, spec, look, uploads)
             missed = await self._run(["build", str(source)], spec.name, home, report)
-            await asyncio.to_thread(_pack, out, source, brought, spec.name)
+            await asyncio.to_thread(_pack, out, source, files, spec.name)
         return FileSet(secrets.token_urlsafe(24), spec.name, out, missed, unlike_the_page(spec, look))
 
     async def _inspected(self, spec: MirrorSpec, data: list[str], options: list[str], uploads: Uploads,
@@ -234,10 +234,10 @@ def unlike_the_page(spec: MirrorSpec, look: ViewSettings) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _pack(out: Path, source: Path, brought: list[Path], name: str) -> None:
+def _pack(out: Path, source: Path, files: list[Path], name: str) -> None:
     """Put the specification and what it names beside the files, and all of them into one archive."""
     shutil.copy(source, out / source.name)
-    for path in brought:
+    for path in files:
         (out / INPUTS).mkdir(exist_ok=True)
         shutil.copy(path, out / INPUTS / path.name)
     with zipfile.ZipFile(out.parent / f"{name}.zip", "w", zipfile.ZIP_DEFLATED) as archive:

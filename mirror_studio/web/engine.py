@@ -288,12 +288,12 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     pose = Pose(np.zeros(3), np.zeros(3), turn.yaw, turn.pitch)  # turned about the same point, the same way
     view = View(one.reflector, pose, STRAIGHT @ eyes[min(eye, len(eyes) - 1)])
     places = np.array([[x, y]])
-    sight = view.trace_points(places)
-    if not sight.seen[0]:
+    traced = view.trace_points(places)
+    if not traced.seen[0]:
         return None
     far = ray_differentials(view, places).at()
-    landed = _land(turn, sight.on_mirror, pose.directions_to_mirror(sight.directions), one.setup.plane_z_mm)[0]
-    return {"mirror_mm": sight.on_mirror[0].tolist(), "across": _finite(float(far.horizontal[0])),
+    landed = _land(turn, traced.on_mirror, pose.directions_to_mirror(traced.directions), one.setup.plane_z_mm)[0]
+    return {"mirror_mm": traced.on_mirror[0].tolist(), "across": _finite(float(far.horizontal[0])),
             "up": _finite(float(far.vertical[0])), "landed_mm": landed.tolist() if np.isfinite(landed).all() else None}
 
 

@@ -17,7 +17,7 @@ MAGIC = b"MCS1"
 LARGEST_MESSAGE = 2_000_000  # bytes: a specification with tables of some 50,000 rows
 DEEPEST = 12  # levels of nesting: a specification has four
 LARGEST_PICTURE = 4096  # pixels a side
-MOST_DATA = 8  # files of one measured mirror
+MAX_DATA = 8  # files of one measured mirror
 CHART = 3.0e38  # float32's largest: beyond, an array holds NaN
 
 
@@ -110,7 +110,7 @@ class Inspect(_Message):
     type: Literal["inspect"]
     spec: dict[str, Any]
     look: ViewSettings
-    data: Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=MOST_DATA)]
+    data: Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=MAX_DATA)]
     align: Literal["none", "321", "best-fit"] = "best-fit"
     sigma_mm: Annotated[float, Field(gt=0, le=10, allow_inf_nan=False)] | None = None
 

@@ -209,13 +209,13 @@ def probe(one: Designed, look: ViewSettings, x: float, y: float, eye: int) -> di
     views = views_of(mirror, look)
     view = views[min(eye, len(views) - 1)]
     places = np.array([[x, y]])
-    sight = view.trace_points(places)
-    if not sight.seen[0]:
+    traced = view.trace_points(places)
+    if not traced.seen[0]:
         return None
     far = ray_differentials(view, places).at()
     across, up = (float(size[0]) if np.isfinite(size[0]) else None for size in (far.horizontal, far.vertical))
-    return {"mirror_mm": sight.on_mirror[0].tolist(), "across": across, "up": up,
-            "road": met(world(lambda text: None), sight.points[0], sight.directions[0])}
+    return {"mirror_mm": traced.on_mirror[0].tolist(), "across": across, "up": up,
+            "road": met(world(lambda text: None), traced.points[0], traced.directions[0])}
 
 
 def met(made: World, start: Array, direction: Array) -> dict[str, Json]:

@@ -116,5 +116,5 @@ def rays_to(sheet: Sheet, posed: Posed, surface: Array, of: Index = NONE) -> tup
     """
     n = len(surface)
     at, points, directions = np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))
-    sure = _rays_to(np.zeros(6), sheet.numbers, *posed, of, surface, at, points, directions)
-    return (at, points, directions) if sure else None
+    direct = _rays_to(np.zeros(6), sheet.numbers, *posed, of, surface, at, points, directions)
+    return (at, points, directions) if direct else None

@@ -55,11 +55,11 @@ def corner_normals(mesh: SurfaceMesh, crease_deg: float = CREASE_DEG) -> Array:
     mean = np.stack([np.bincount(node.ravel(), weighted[:, :, c].ravel(), n) for c in range(3)], axis=1)
     length = np.linalg.norm(mean, axis=1, keepdims=True)
     mean = np.divide(mean, length, out=np.zeros_like(mean), where=length > 0.0)
-    places = np.empty((n, 3))
-    places[node.ravel()] = mesh.vertices[mesh.faces.ravel()]
+    vertices = np.empty((n, 3))
+    vertices[node.ravel()] = mesh.vertices[mesh.faces.ravel()]
     normals = np.empty((n, 3))
     least_cosine = np.cos(np.radians(crease_deg))
-    parallel_for(lambda i, j: _quadric_normals(i, j, places, mean, first, neighbours, least_cosine, normals), n)
+    parallel_for(lambda i, j: _quadric_normals(i, j, vertices, mean, first, neighbours, least_cosine, normals), n)
     result: Array = normals[node]
     return result
 
@@ -105,7 +105,7 @@ def _max_weights(mesh: SurfaceMesh) -> Array:
 
 
 @compiled(nogil=True)
-def _quadric_normals(start, stop, places, mean, first, neighbours, least_cosine, normals):
+def _quadric_normals(start, stop, vertices, mean, first, neighbours, least_cosine, normals):
     """The normal of the quadric at the nodes start … stop.
 
     `mean` where there is none, or where it turns away from it by a crease.
@@ -138,9 +138,9 @@ def _quadric_normals(start, stop, places, mean, first, neighbours, least_cosine,
         local = np.empty((count, 3))
         xx = xy = yy = 0.0
         for m in range(count):
-            dx = places[near[m], 0] - places[i, 0]
-            dy = places[near[m], 1] - places[i, 1]
-            dz = places[near[m], 2] - places[i, 2]
+            dx = vertices[near[m], 0] - vertices[i, 0]
+            dy = vertices[near[m], 1] - vertices[i, 1]
+            dz = vertices[near[m], 2] - vertices[i, 2]
             p, q = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
             local[m, 0], local[m, 1], local[m, 2] = p, q, dx * nx + dy * ny + dz * nz
             xx, xy, yy = xx + p * p, xy + p * q, yy + q * q

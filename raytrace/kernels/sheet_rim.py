@@ -120,5 +120,5 @@ def rim_roots(sheet: Sheet, rim: Rim, posed: Posed, functions: Array, vertex: In
     Shares (n,); None as in `raytrace.kernels.eye_rays.rays_to`.
     """
     found = np.empty(len(vertex))
-    sure = _roots(np.zeros(16), sheet.numbers, rim, *posed, of, functions, vertex, low, high, at_low, at_high, settled, found)
-    return found if sure else None
+    direct = _roots(np.zeros(16), sheet.numbers, rim, *posed, of, functions, vertex, low, high, at_low, at_high, settled, found)
+    return found if direct else None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.lane import LEVEL
-from raytrace.measures.line_bow import MIN_SAMPLES as LEAST_OF_BOW
+from raytrace.measures.line_bow import MIN_SAMPLES as MIN_OF_BOW
 from raytrace.measures.line_bow import bow_in_use
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.vehicle import HostVehicle
@@ -103,7 +103,7 @@ def line_unmeasured_in_use(use: MirrorInUse) -> Unmeasured | None:
     line = there.asked.line_y
     if line is None or (use.record(bow_in_use) is not None and use.record(straightness_in_use) is not None):
         return None
-    found = why_unmeasured(there.views.middle, road_line(line), there.host, LEAST_OF_BOW)
+    found = why_unmeasured(there.views.middle, road_line(line), there.host, MIN_OF_BOW)
     return found or "level or upright at its far end"
 
 

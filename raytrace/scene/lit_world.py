@@ -201,7 +201,7 @@ class LitWorld:
         hits = self.scene.first_hits(origins, directions) if self._cutouts is None else self._cutouts.first_hits(
             self.scene, origins, directions, beyond)
         found = SurfaceInteraction.empty(n)
-        on_ground, met = shading.places(origins, directions, spread, radius, *hits, self._mesh, self._light.sun,
+        on_ground, met = shading.interactions(origins, directions, spread, radius, *hits, self._mesh, self._light.sun,
                                         self.road is not None, self._lift, found)
         found = found.rows(slice(0, met))
         if met < n:

@@ -97,14 +97,14 @@ def _numbers(values: Array | None, shape: tuple[int, ...]) -> Array:
 
 def _with_normals(part: Part) -> Part:
     """The part with a vertex for every place, texture coordinate, colour and normal that its corners have."""
-    places, same = np.unique(part.vertices + 0.0, axis=0, return_inverse=True)
+    vertices, same = np.unique(part.vertices + 0.0, axis=0, return_inverse=True)
     same = same.ravel()
-    mesh = SurfaceMesh(places, same[part.faces].astype(np.int32))
+    mesh = SurfaceMesh(vertices, same[part.faces].astype(np.int32))
     has_area = mesh.facet_normals().any(axis=1)
     faces = part.faces[has_area]
     if len(faces) == 0:
         return Part(part.vertices, faces, part.material, np.zeros_like(part.vertices), part.uv, part.sky, part.colours)
-    normals = corner_normals(SurfaceMesh(places, same[faces].astype(np.int32))).reshape(-1, 3)
+    normals = corner_normals(SurfaceMesh(vertices, same[faces].astype(np.int32))).reshape(-1, 3)
     given = [np.nan_to_num(values[faces.ravel()]) for values in (part.uv, part.colours) if values is not None]
     texture = np.unique(np.column_stack(given), axis=0, return_inverse=True)[1].ravel() if given else np.zeros(faces.size, int)
     keys = np.column_stack([same[faces.ravel()], texture, np.rint(normals / NORMAL_STEP).astype(np.int64)])

@@ -121,7 +121,7 @@ class SurfaceInteraction(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are
-def places(origins: Array, directions: Array, spread: Array, radius: Array, distance: Array, triangle: NDArray[np.int32],
+def interactions(origins: Array, directions: Array, spread: Array, radius: Array, distance: Array, triangle: NDArray[np.int32],
            u: Array, v: Array, mesh: Mesh, sun: Array, ground: bool, lift: float, out: SurfaceInteraction) -> tuple[int, int]:
     """Find the points that rays meet, on the ground and on bodies.
 

@@ -38,9 +38,9 @@ class Woods:
             ) -> tuple[SurfaceInteraction, Array, Array]:
         """Points of the edges that rays meet before `nearest` (n,), the share of each ray that they hide, and reflectance."""
         n = len(directions)
-        places, share, diffuse = SurfaceInteraction.empty(n), np.empty(n), np.empty((n, 3))
-        k = _met(origins, directions, spread, radius, nearest, self.distance_mm, self.height_mm, sun, places, share, diffuse)
-        return places.rows(slice(0, k)), share[:k], diffuse[:k]
+        found, share, diffuse = SurfaceInteraction.empty(n), np.empty(n), np.empty((n, 3))
+        k = _met(origins, directions, spread, radius, nearest, self.distance_mm, self.height_mm, sun, found, share, diffuse)
+        return found.rows(slice(0, k)), share[:k], diffuse[:k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba's are

@@ -335,10 +335,10 @@ class OpticalSurface(ABC):
         Derivatives of points, mm, and of directions, (n, k, 3) each; NaN where nothing beside is reflected.
         """
         by_points, by_directions = reflected_differentials(eye, rays, turns, points, directions, self.curvature_tensors)
-        rest = np.flatnonzero(~np.isfinite(by_directions).all(axis=(1, 2)) & np.isfinite(directions).all(axis=1))
-        if rest.size:
-            by_points[rest], by_directions[rest] = traced_differentials(
-                self._traced_from(eye), rays[rest], turns[rest], points[rest], directions[rest], TURN, False)
+        left = np.flatnonzero(~np.isfinite(by_directions).all(axis=(1, 2)) & np.isfinite(directions).all(axis=1))
+        if left.size:
+            by_points[left], by_directions[left] = traced_differentials(
+                self._traced_from(eye), rays[left], turns[left], points[left], directions[left], TURN, False)
         return by_points, by_directions
 
     def _traced_from(self, eye: Array) -> Callable[[Array], tuple[Array, Array]]:

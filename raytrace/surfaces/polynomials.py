@@ -25,7 +25,7 @@ SAMPLES = 4  # a span and direction, at which a sheet is looked at for whether r
 BENT_UP = 1e-9
 # Sine of the angle between a sheet's mean normal and the others beyond which it is not taken to be a single sheet.
 WIDEST_CONE = 0.9
-ROOM_MM = 1e-6  # above and below a height field, so that a ray enters its box before it meets it
+MARGIN_MM = 1e-6  # above and below a height field, so that a ray enters its box before it meets it
 CONE_MARGIN = 0.01  # for what the normals do between the samples
 
 
@@ -55,7 +55,7 @@ def height_field_of(surface: BSplineSurface) -> HeightField | None:
     if cells is None:
         return None
     z = surface.poles[..., 2]
-    return HeightField(cells, float(z.max()) + ROOM_MM, _steepest(surface), float(z.min()) - ROOM_MM, _bend(surface))
+    return HeightField(cells, float(z.max()) + MARGIN_MM, _steepest(surface), float(z.min()) - MARGIN_MM, _bend(surface))
 
 
 def patches_of(surface: BSplineSurface) -> Patches | None:

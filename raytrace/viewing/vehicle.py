@@ -74,10 +74,10 @@ class HostVehicle:
         -------
         (…), whether the segment passes the box's inside; no where it only touches, and for rows that are not numbers.
         """
-        way = ends - starts
+        segment = ends - starts
         low, high = self.corners
         with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (low - starts) / way, (high - starts) / way
+            a, b = (low - starts) / segment, (high - starts) / segment
             # A way along a side has 0/0 where it lies in the side: it touches, and is not hidden.
             enter, leave = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
             found: NDArray[np.bool_] = (enter < leave) & (leave > TOUCHING) & (enter < 1.0 - TOUCHING)

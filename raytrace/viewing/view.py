@@ -188,15 +188,15 @@ class View:
         at = np.stack([x, y], axis=1)
         surface = surface_points(sheet, at)
         on_sheet = (surface[:, :2] == at).all(axis=1)
-        sure = eye_rays.rays_to(sheet, self.posed, surface[on_sheet])
-        if sure is None:
+        direct = eye_rays.rays_to(sheet, self.posed, surface[on_sheet])
+        if direct is None:
             on_plane = self.on_plane_over(x, y)
             return on_plane, self.untrimmed.trace_points(on_plane)
         if on_sheet.all():
-            return sure[0], TracedRays(np.zeros(len(at), dtype=np.int8), *sure[1:], surface[:, :3])
+            return direct[0], TracedRays(np.zeros(len(at), dtype=np.int8), *direct[1:], surface[:, :3])
         status = np.where(on_sheet, Status.REFLECTED, Status.MISSED).astype(np.int8)
         on_plane, points, directions, on_mirror = (np.full((len(at), c), np.nan) for c in (2, 3, 3, 3))
-        on_plane[on_sheet], points[on_sheet], directions[on_sheet] = sure
+        on_plane[on_sheet], points[on_sheet], directions[on_sheet] = direct
         on_mirror[on_sheet] = surface[on_sheet, :3]
         return on_plane, TracedRays(status, points, directions, on_mirror)
 

@@ -121,9 +121,9 @@ class Edge:
         if self.sheet_rim is not None:
             sheet, rim = self.sheet_rim
             surface = surface_points(sheet, rim_points(rim, k, t))
-            sure = rays_to(sheet, self.view.posed, surface)
-            if sure is not None:
-                return sure[0], TracedRays(np.zeros(len(k), dtype=np.int8), *sure[1:], surface[:, :3])
+            direct = rays_to(sheet, self.view.posed, surface)
+            if direct is not None:
+                return direct[0], TracedRays(np.zeros(len(k), dtype=np.int8), *direct[1:], surface[:, :3])
         on_plane = self.at_share(k, t)
         traced = self.view.trace_points(on_plane)
         lost = ~(traced.seen if self.beyond else _shows(self.view, on_plane, traced))
@@ -274,9 +274,9 @@ def edge_of(view: View) -> Edge:
         whole = view.untrimmed if face is view.reflector.surface else replace(view, reflector=_alone(face).untrimmed)
         sheet = whole.reflector.surface.sheet
         if sheet is not None and not _stands_before(view, rim.points):
-            sure = rays_to(sheet, view.posed, _on_sheet(face))
-            if sure is not None:
-                return Edge(view, whole, True, True, *sure, rim.following, lambda k, t: view.on_plane_of(rim.at(k, t)),
+            direct = rays_to(sheet, view.posed, _on_sheet(face))
+            if direct is not None:
+                return Edge(view, whole, True, True, *direct, rim.following, lambda k, t: view.on_plane_of(rim.at(k, t)),
                             (sheet, rim.pieces))
         on_plane = view.on_plane_of(rim.points)
         traced = whole.trace_points(on_plane)

@@ -100,9 +100,9 @@ class Edges:
                                        at_low, at_high, SETTLED, of)
             if share is not None:
                 surface = surface_points(sheet, rim_points(rim, k, share))
-                sure = rays_to(sheet, self.posed, surface, of)
-                if sure is not None:
-                    return sure
+                direct = rays_to(sheet, self.posed, surface, of)
+                if direct is not None:
+                    return direct
         on_plane = np.empty((len(k), 2))
         for j, rows in self._rows(of):
             on_plane[rows], traced = self.edges[j].settle(k[rows], at_low[rows], at_high[rows], function.some(rows))

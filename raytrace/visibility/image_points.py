@@ -160,9 +160,9 @@ def _start_rays(view: View) -> tuple[Array, Array, Array]:
     sheet = untrimmed.reflector.surface.sheet
     if sheet is not None:  # the points of the sheet itself over the grid: the same for every eye
         surface = grid_on_sheet(untrimmed.reflector.surface, view.box)
-        sure = rays_to(sheet, view.posed, surface)
-        if sure is not None:
-            return sure
+        direct = rays_to(sheet, view.posed, surface)
+        if direct is not None:
+            return direct
     x, y = _start_grid(view.box)
     starts = view.on_plane_of(np.stack([x, y, np.zeros(x.size)], axis=1))
     traced = untrimmed.trace_points(starts)

@@ -207,9 +207,9 @@ def _classified(host: HostVehicle, row: Index, at: Array, starts: Array, ends: A
     told = (sample - begin > GRAZING) & (stop - sample > GRAZING)
     hidden = np.zeros(len(gap), dtype=np.bool_)
     hidden[told] = host.hides(starts[sample[told]], ends[sample[told]])
-    rest = np.flatnonzero(~told)
-    if rest.size:
-        where = np.minimum(middle[rest].astype(np.intp), len(at) - 2)
-        hidden[rest] = host.hides(*rays(where, middle[rest] - where))
+    untold = np.flatnonzero(~told)
+    if untold.size:
+        where = np.minimum(middle[untold].astype(np.intp), len(at) - 2)
+        hidden[untold] = host.hides(*rays(where, middle[untold] - where))
     kept = gap[~hidden]
     return IntervalSet.joined(row[base[kept]], value[kept], value[kept + 1], same[kept[1:]])

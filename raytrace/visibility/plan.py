@@ -25,7 +25,7 @@ Polygon = NDArray[np.float64]
 GRID_SHAPE = 7  # samples of a part of a line, ends included, between which the vehicle's edges are looked for
 INSIDE = 1e-3  # of a part of a line: how far inside its ends, where rays may miss the mirror, Newton starts
 ENDLESS_MM = 1e6  # as far as a part of a line is followed that the mirror shows without an end
-LEAST_HEIGHT_MM = 1.0  # of a mirror above a plane, for what scales angles: any length serves
+MIN_HEIGHT_MM = 1.0  # of a mirror above a plane, for what scales angles: any length serves
 WRAP = 0.5 * np.pi  # between neighbours on the edge no ray turns by so much
 
 
@@ -77,7 +77,7 @@ def _visible(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: floa
     cuts = _cuts(edges, of, axis, values, height_mm)
     first, last = np.maximum(cuts.low, low), np.minimum(cuts.high, high)
     kept = first < last
-    cuts, first, last = cuts.take(kept), first[kept], last[kept]
+    cuts, first, last = cuts.subset(kept), first[kept], last[kept]
     if host is None or len(cuts.row) == 0:
         return IntervalSet(cuts.row, first, last)
     ends = np.empty((2, len(first), 2))
@@ -88,8 +88,8 @@ def _visible(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: floa
         if rows.size:
             open_to_all[rows] = beside(edge, host, ends[:, rows])
     hidden = np.flatnonzero(~open_to_all)
-    rest = _unhidden(edges, of, axis, values, height_mm, host, cuts.take(hidden), first[hidden], last[hidden])
-    return union(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), rest)
+    parts = _unhidden(edges, of, axis, values, height_mm, host, cuts.subset(hidden), first[hidden], last[hidden])
+    return union(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), parts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +102,7 @@ class _Cuts:
     at_low: Array
     at_high: Array
 
-    def take(self, which: Mask | Index) -> _Cuts:
+    def subset(self, which: Mask | Index) -> _Cuts:
         return _Cuts(self.row[which], self.low[which], self.high[which], self.at_low[which], self.at_high[which])
 
 
@@ -120,7 +120,7 @@ def _cuts(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float) 
         rows = np.flatnonzero(of == j) if len(edges) > 1 else np.arange(len(of))
         if len(edge.on_plane) and rows.size:
             after, line = kernel.swept_lines(edge.points, edge.directions, edge.following, axis, height_mm, values[rows],
-                                             LEAST_HEIGHT_MM, WRAP)
+                                             MIN_HEIGHT_MM, WRAP)
             swept.append((after, rows[line]))
     none = np.zeros(0, dtype=np.intp)
     k, row = (np.concatenate([none, *(part[c] for part in swept)]) for c in (0, 1))
