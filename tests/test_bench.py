@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,8 @@ from mirror_cad.surfaces.differential import principal_curvatures_of, shape_oper
 from mirror_studio.bench import evaluation, integrators, measuring, surfaces, tessellation
 from mirror_studio.bench.integrators import Case
 from mirror_studio.bench.measuring import convergence
+from mirror_studio.bench.tracers.tracer import AbsentError
+from mirror_studio.bench.waits import _rates, processor_seconds
 from mirror_studio.cli import BAD_INPUT, DONE, run
 from tests.conftest import designed
 
@@ -206,3 +210,27 @@ def test_unknown_part_is_refused_with_the_nearest_name(tmp_path: Path, monkeypat
     assert "--part zzz" in message
     assert "hard-cases" in message
     assert not list(tmp_path.iterdir())
+
+
+def test_a_wait_is_the_processor_time_of_a_process_and_of_its_children() -> None:
+    busy = "import time\nwhile time.process_time() < 0.3: pass"
+    alone = processor_seconds([sys.executable, "-c", busy])
+    child = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {busy!r}])"
+    assert alone >= 0.3
+    assert processor_seconds([sys.executable, "-c", child]) >= 0.3
+    assert processor_seconds([sys.executable, "-c", "import os, sys; sys.exit(0 if os.environ['HOME'] == 'x' else 1)"],
+                             HOME="x") < alone
+    with pytest.raises(RuntimeError, match="ended with 2: .*no such thing"):
+        processor_seconds([sys.executable, "-c", "import sys; print('no such thing', file=sys.stderr); sys.exit(2)"])
+
+
+def test_a_rate_beside_a_peer_that_is_absent_says_why() -> None:
+    def absent() -> None:
+        raise AbsentError("not installed")
+
+    row = _rates("rays", lambda: None, "Mitsuba, llvm", absent, 1000, "≥ 2", "µs a call")
+    assert (row["theirs"], row["ratio"], row["note"]) == (None, None, "not installed")
+    row = _rates("rays", lambda: time.sleep(1e-3), "Embree", lambda: time.sleep(3e-3), 1000, "≥ 2", "µs a call")
+    assert row["ours"] >= 1000.0  # µs
+    assert row["theirs"] >= 3000.0
+    assert row["ratio"] > 1.0

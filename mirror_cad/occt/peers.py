@@ -82,6 +82,15 @@ def cadquery_stl(solid: TopoDS_Solid, path: Path) -> None:
     cadquery.exporters.export(cadquery.Workplane(obj=cadquery.Solid(solid)), str(path))
 
 
+def perforated_plate_step(path: Path, holes: int) -> None:
+    """Write a plate of 400 mm with `holes` round holes each way as STEP, by cadquery: a file of holes² curved faces and six."""
+    side, thickness = 400.0, 3.0
+    pitch = side / (holes + 1)
+    plate = cadquery.Workplane().box(side, side, thickness).faces(">Z").workplane().rarray(pitch, pitch, holes, holes).hole(
+        0.4 * pitch)
+    cadquery.exporters.export(plate, str(path))
+
+
 def local_properties(surface: BSplineSurface) -> Callable[[Array, Array], tuple[Array, Array, Array]]:
     """GeomLProp_SLProps on the surface, by a call for each point.
 

@@ -343,7 +343,8 @@ def basis_functions(knots: Array, degree: int, u: Array, order: int) -> tuple[ND
     ----------
     The NURBS Book, eqs. 2.5 and 2.7.
     """
-    u = np.ascontiguousarray(u)
+    # Copies: what is read-only is of another type to numba, which would compile all of it once more.
+    knots, u = np.array(knots), np.array(u)
     first, out = np.empty(u.size, dtype=np.int64), np.empty((u.size, order + 1, degree + 1))
     _local_basis(knots, degree, u, first, out)
     return first, out
@@ -374,7 +375,8 @@ def _local_basis(knots: Array, degree: int, u: Array, first: NDArray[np.int64], 
             if k > degree:
                 out[n, k] = 0.0
                 continue
-            lower[:degree - k + 1] = values[degree - k, :degree - k + 1]
+            for j in range(degree - k + 1):  # an assignment of slices compiles its error's words for two seconds
+                lower[j] = values[degree - k, j]
             for p in range(degree - k + 1, degree + 1):
                 higher[0] = 0.0
                 for j in range(p):
@@ -382,7 +384,8 @@ def _local_basis(knots: Array, degree: int, u: Array, first: NDArray[np.int64], 
                     higher[j] -= share
                     higher[j + 1] = share
                 lower, higher = higher, lower
-            out[n, k] = lower
+            for j in range(degree + 1):
+                out[n, k, j] = lower[j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

@@ -53,14 +53,15 @@ class PiecewiseChebyshev:
         """f at x, any shape."""
         at = np.asarray(x, dtype=np.float64)
         values = np.empty(at.shape)
-        _clenshaw(self.breaks, self._trimmed, at.ravel(), values.reshape(-1))
+        # Copies: what is read-only is of another type to numba, which would compile all of it once more.
+        _clenshaw(self.breaks.copy(), self._trimmed, at.flatten(), values.reshape(-1))
         return values
 
     @cached_property
     def _trimmed(self) -> Array:
         """The coefficients without the degrees that no piece has: those of a constant or linear law are few."""
         used = np.flatnonzero(self.coefficients.any(axis=0))
-        return np.ascontiguousarray(self.coefficients[:, : used[-1] + 1 if used.size else 1])
+        return self.coefficients[:, : used[-1] + 1 if used.size else 1].copy()
 
     def derivative(self) -> PiecewiseChebyshev:
         """f′, piece by piece."""

@@ -20,11 +20,12 @@ PARTS = {
     "evaluation": "Evaluating the surface",
     "tessellation": "Meshing the plate",
     "tracing": "Tracing",
+    "waits": "Where people wait",
     "model": "What the model holds",
     "faithful": "The faithful surface",
     "hard-cases": "Hard cases",
 }
-LONG_PARTS = ("hard-cases",)  # their `tables` takes the progress, to show how far it is
+LONG_PARTS = ("waits", "hard-cases")  # their `tables` takes the progress, to show how far it is
 
 
 def run_bench(names: Sequence[str], out: Path, progress: Progress) -> JsonObject:
