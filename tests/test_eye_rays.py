@@ -18,11 +18,12 @@ from raytrace.viewing.pose import Pose
 from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import LEVEL, RayFunction, edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.edges import Edges
 from raytrace.visibility.far_sizes import far_points, far_sizes
 from raytrace.visibility.image_points import follow_image_points, image_points
 from raytrace.visibility.plan import visible_intervals, visible_on_each
+from raytrace.visibility.ray_function import LEVEL, RayFunction
 from tests.conftest import designed
 
 Array = NDArray[np.float64]

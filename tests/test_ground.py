@@ -23,7 +23,7 @@ from raytrace.viewing.aim import Aim
 from raytrace.viewing.pose import SIDEWAYS, Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import follow_image_points, image_points
 from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
 from raytrace.visibility.line_image import road_line

@@ -21,7 +21,7 @@ from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.ray_differentials import frame, ray_differentials
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import image_points
 from tests.conftest import constant, designed, spec_of
 from tests.meshes import cap

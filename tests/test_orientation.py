@@ -26,10 +26,11 @@ from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import _shows, edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.orientation import _eigenvalues, orientation
 from raytrace.visibility.plan import visible_intervals
+from raytrace.visibility.shows import shows
 from tests.test_drive import ROAD, box_glb
 from tests.test_ground import is_seen, on_ground
 from tests.test_magnification import MIDDLE, STRAIGHT, eye_at, quadric, spline
@@ -203,7 +204,7 @@ def test_a_ball_shows_what_inverse_rays_show() -> None:
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-200.0, 200.0, 3000), np.linspace(-100.0, 150.0, 1000)))
     on_plane = np.stack([x, y], axis=1)
     traced = view.trace_points(on_plane)
-    level = _shows(view, on_plane, traced) & (np.abs(traced.directions[:, 2]) < 2e-3)
+    level = shows(view, on_plane, traced) & (np.abs(traced.directions[:, 2]) < 2e-3)
     azimuth = np.degrees(np.arctan2(traced.directions[level, 1], traced.directions[level, 0]))
     assert low - 0.2 < azimuth.min() < low + 1.0  # the limb, along which little of the picture shows much
     assert high - 0.2 < azimuth.max() < high + 0.2

@@ -16,7 +16,7 @@ from raytrace.reflector import Reflector
 from raytrace.surfaces.quadric import QuadricFace
 from raytrace.viewing.bezel import edge_loop
 from raytrace.viewing.view import View, box_of
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 from tests.test_magnification import EYE, POSE, quadric
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from raytrace.trace import reflect
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.intervals import IntervalSet, combined
 from tests.rule_mirrors import plane, sphere, torus

@@ -29,7 +29,8 @@ from raytrace.viewing.eye import eye_position
 from raytrace.viewing.pose import SIDEWAYS, Pose
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of, visibility_contour
+from raytrace.visibility.contour import visibility_contour
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.line_image import LineView, StraightLine, column, line_images, road_line
 from raytrace.visibility.occlusion import grazing_functions

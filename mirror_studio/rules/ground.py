@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from mirror_studio.rules.schema import FieldSection, Origin
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.intervals import IntervalSet, combined, intersection, union
 from raytrace.visibility.plan import ENDLESS_MM, Polygon, outlines, visible_intervals
 

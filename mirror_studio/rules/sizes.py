@@ -13,7 +13,7 @@ from raytrace.errors import TraceError
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 
 Array = NDArray[np.float64]
 

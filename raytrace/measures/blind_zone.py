@@ -14,7 +14,7 @@ from raytrace.measures.in_use import MM_PER_M, MirrorInUse, metres
 from raytrace.measures.registry import Measure, register, register_family
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.edges import Edges
 from raytrace.visibility.intervals import IntervalSet, combined
 from raytrace.visibility.plan import ENDLESS_MM, Axis, Polygon, outlines, visible_intervals, visible_on_each

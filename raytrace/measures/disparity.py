@@ -13,7 +13,8 @@ from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.view import Mask, View, mirror_grid
-from raytrace.visibility.edge import Edge, edge_of
+from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.extremes import Samples, largest
 from raytrace.visibility.far_sizes import far_points, far_sizes
 from raytrace.visibility.image_points import shown_inside

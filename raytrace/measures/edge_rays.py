@@ -11,7 +11,8 @@ from raytrace.reflector import Reflector
 from raytrace.surfaces.base import Box
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import RayFunction, edge_of
+from raytrace.visibility.edge_of import edge_of
+from raytrace.visibility.ray_function import RayFunction
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,11 @@ from raytrace.measures.registry import Measure, register
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import Edge, RayFunction, edge_of
+from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import follow_image_points
 from raytrace.visibility.occlusion import unhidden
+from raytrace.visibility.ray_function import RayFunction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

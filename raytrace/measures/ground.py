@@ -13,9 +13,11 @@ from raytrace.measures.registry import Measure, register, register_family
 from raytrace.viewing.aim import Aim, shown_aim
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View, box_of
-from raytrace.visibility.edge import LEVEL, Edge, RayFunction, edge_of
+from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.intervals import IntervalSet, intersection, union
 from raytrace.visibility.plan import Polygon, outlines, visible_intervals
+from raytrace.visibility.ray_function import LEVEL, RayFunction
 
 Array = NDArray[np.float64]
 

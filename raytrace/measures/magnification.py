@@ -11,7 +11,7 @@ from raytrace.measures.in_use import MirrorInUse, finite
 from raytrace.measures.registry import Measure, register
 from raytrace.viewing.ray_differentials import Magnification, ray_differentials
 from raytrace.viewing.view import View, mirror_grid
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.extremes import Samples, largest
 from raytrace.visibility.image_points import shown_inside
 

@@ -15,9 +15,10 @@ from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge import LEVEL, edge_of
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.edges import Edges
 from raytrace.visibility.orientation import orientation
+from raytrace.visibility.ray_function import LEVEL
 
 Array = NDArray[np.float64]
 

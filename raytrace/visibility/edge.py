@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,61 +13,16 @@ from raytrace.kernels import loops as kernel_loops
 from raytrace.kernels import sign_changes as kernel
 from raytrace.kernels.eye_rays import rays_to
 from raytrace.kernels.sheet import Sheet, surface_points
-from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots, values
-from raytrace.rays import Status
-from raytrace.reflector import Reflector
+from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots
 from raytrace.roots import SETTLED, roots
-from raytrace.surfaces.base import BoundedFace
-from raytrace.surfaces.rim import AROUND, Evaluate
-from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import Mask, TracedRays, View
 from raytrace.visibility.image_points import image_points
+from raytrace.visibility.ray_function import RayFunction
+from raytrace.visibility.shows import shows
 from raytrace.visibility.sign_changes import BESIDE_CELL, NEAR_ZERO, lowest
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-CORNER = 0.1  # radians between two pieces of a rim
-LEAST = 16  # vertices on the smallest curve
-SAME_PLACE_MM = 1e-6  # a ray to a vertex of the outline meets it, and not another part of the sheet before it
-GRID_SHAPE = (113, 149)  # places across and up, where the edge is not known and has to be looked for: some 2.5 mm apart
-BESIDE = 0.1  # of the width and height of what is known of the outline: where it bulges
-REFINED = 1  # times: each halves the distance
-SPLIT, ROUNDS = 4, 14  # parts of their distance, one of which is left each time: 2e-8 mm in the end
-RIM = 0.5  # the cosine of the turn against the mirror's z from which a face is a rim: mirrors slope by less than 60°
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RayFunction:
-    """Functions f0 + f1..3·q + f4..6·d + f7..9·(q × d) of rays from q along unit d.
-
-    Whatever says on which side of a point, a line or a plane a ray passes is one of them.
-    coefficients (1, 10), or (n, 10) for n rays.
-    """
-
-    coefficients: Array
-
-    @staticmethod
-    def of(constant: Array | float = 0.0, point: Array | None = None, direction: Array | None = None,
-           moment: Array | None = None) -> RayFunction:
-        """By f0, f1..3, f4..6 and f7..9: (3,) or (n, 3); 0 where left out."""
-        parts = [np.atleast_2d(np.asarray(constant, dtype=np.float64).reshape(-1, 1)),
-                 *(np.zeros((1, 3)) if part is None else np.atleast_2d(part) for part in (point, direction, moment))]
-        n = next((len(part) for part in parts if len(part) != 1), 1)
-        return RayFunction(np.concatenate([np.broadcast_to(part, (n, part.shape[1])) for part in parts], axis=1))
-
-    def some(self, rows: Index) -> RayFunction:
-        """Those of some rays, where there is one a ray."""
-        return self if len(self.coefficients) == 1 else RayFunction(self.coefficients[rows])
-
-    def __call__(self, points: Array, directions: Array) -> Array:
-        """Values (n,) of rays from points (n, 3) along directions (n, 3)."""
-        found = np.empty(len(points))
-        values(self.coefficients, points, directions, found)
-        return found
-
-
-LEVEL = RayFunction.of(direction=np.array([0.0, 0.0, 1.0]))  # above 0 for rays that rise
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +81,7 @@ class Edge:
                 return direct[0], TracedRays(np.zeros(len(k), dtype=np.int8), *direct[1:], surface[:, :3])
         on_plane = self.at_share(k, t)
         traced = self.view.trace_points(on_plane)
-        lost = ~(traced.seen if self.beyond else _shows(self.view, on_plane, traced))
+        lost = ~(traced.seen if self.beyond else shows(self.view, on_plane, traced))
         if not lost.any():
             return on_plane, traced
         # Where an edge that was looked for is hollow: a straight way between the rays of its vertices.
@@ -153,7 +108,7 @@ class Edge:
         """`image_points` of the view that this is the edge of, and whether it encloses them: a solid's rim shows none."""
         on_plane, inside = image_points(self.of, targets, at_infinity)
         if not self.rim:
-            inside[inside] = _shows(self.of, on_plane[inside])
+            inside[inside] = shows(self.of, on_plane[inside])
         return on_plane, inside
 
     @cached_property
@@ -249,261 +204,3 @@ class Edge:
             return value(traced.points, traced.directions)
 
         return self.between(k, low + roots(at, at_low, at_high) * (high - low))
-
-
-@lru_cache(maxsize=8)
-def edge_of(view: View) -> Edge:
-    """Find the edge of what the eye of a view sees reflecting; that of the last views is kept.
-
-    It is the rim of the one face that is seen, where there is one without glass that nothing stands before, and is looked for
-    as a contour of visibility else (`visibility_contour`).
-
-    Parameters
-    ----------
-    view : the mirror as the eye sees it.
-
-    Returns
-    -------
-    Edge
-        Without vertices where the eye sees nothing reflecting.
-    """
-    face = _shown_face(view)
-    rim = None if face is None else _rim(face)
-    if face is not None and rim is not None:
-        # What is one face already has its sheet at hand.
-        whole = view.untrimmed if face is view.reflector.surface else replace(view, reflector=_alone(face).untrimmed)
-        sheet = whole.reflector.surface.sheet
-        if sheet is not None and not _stands_before(view, rim.points):
-            direct = rays_to(sheet, view.posed, _on_sheet(face))
-            if direct is not None:
-                return Edge(view, whole, True, True, *direct, rim.following, lambda k, t: view.on_plane_of(rim.at(k, t)),
-                            (sheet, rim.pieces))
-        on_plane = view.on_plane_of(rim.points)
-        traced = whole.trace_points(on_plane)
-        if traced.seen.all() and np.linalg.norm(traced.on_mirror - rim.points, axis=1).max() < SAME_PLACE_MM \
-                and not _stands_before(view, rim.points):
-            return Edge(view, whole, True, True, on_plane, traced.points, traced.directions, rim.following,
-                        lambda k, t: view.on_plane_of(rim.at(k, t)))
-    return visibility_contour(view)
-
-
-def _shown_face(view: View) -> BoundedFace | None:
-    """The face that is all that the eye sees reflecting, with nothing before it; None where there is none."""
-    reflector = view.reflector
-    faces = reflector.surface.bounding_faces
-    if not faces:
-        return None
-    if len(faces) == 1 and (reflector.obstacles is None or reflector.obstacles_behind):
-        return faces[0]
-    on_plane = _grid(view).reshape(-1, 2)
-    traced = view.trace_points(on_plane)
-    shown = np.flatnonzero(_shows(view, on_plane, traced))
-    if shown.size == 0:
-        return None
-    rays = np.concatenate([on_plane, np.zeros((len(on_plane), 1))], axis=1) - view.eye_in_mirror
-    for face in faces:
-        # One ray first: most of a solid's faces are not the one.
-        for asked in (shown[:1], np.arange(len(on_plane))):
-            alone = reflect(_alone(face), view.eye_in_mirror, rays[asked])
-            seen = alone.status == Status.REFLECTED
-            if not np.array_equal(seen, np.isin(asked, shown)):
-                break
-            if np.linalg.norm(alone.points[seen] - traced.on_mirror[asked[seen]], axis=1).max() > SAME_PLACE_MM:
-                break
-        else:
-            return face
-    return None
-
-
-@lru_cache(maxsize=8)
-def _alone(face: BoundedFace) -> Reflector:
-    """A face that nothing stands before, with the sheet and the pieces that it is searched in, made once."""
-    return Reflector(face)
-
-
-def _stands_before(view: View, points: Array) -> bool:
-    """Whether anything stands between the eye and points (n, 3) of the mirror, which the eye sees on the sheet alone."""
-    reflector, eye = view.reflector, view.eye_in_mirror
-    alone = len(reflector.surface.bounding_faces) == 1
-    if alone and (reflector.obstacle_scene is None or reflector.obstacles_behind):
-        return False
-    rays = points - eye
-    reach = np.linalg.norm(rays, axis=1)
-    met = np.full(len(rays), np.inf) if alone \
-        else reflect(replace(reflector, obstacles=None), eye, rays).distances
-    if reflector.obstacle_scene is not None and not reflector.obstacles_behind:
-        origins = np.broadcast_to(eye, rays.shape)
-        met = np.fmin(met, reflector.obstacle_scene.first_hits(origins, rays / reach[:, None]).distance)
-    return bool((met < reach - OBSTACLE_MARGIN_MM).any())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rim:
-    """n vertices on the curves that bound a face, points (n, 3), and the pieces of the curves from each to the following one.
-
-    They are `count` pieces from piece `first` on; pieces start (m, 2), end (m, 2) in (u, v).
-    """
-
-    evaluate: Evaluate
-    start: Array
-    end: Array
-    first: Index
-    count: Index
-    points: Array
-    following: Index
-
-    @property
-    def pieces(self) -> Rim:
-        """As the kernels take it."""
-        return Rim(self.start, self.end, self.first, self.count)
-
-    def at(self, k: Index, t: Array) -> Array:
-        """Points (m, 3) at shares t (m,) of the way from vertices k (m,) to the following ones, piece by piece."""
-        along = t * self.count[k]
-        piece = np.clip(along.astype(np.intp), 0, self.count[k] - 1)
-        share, piece = (along - piece)[:, None], self.first[k] + piece
-        return self.evaluate(*(self.start[piece] + share * (self.end[piece] - self.start[piece])).T)
-
-
-@lru_cache(maxsize=8)
-def _rim(face: BoundedFace) -> _Rim | None:
-    """The rim of a face with vertices at its corners and AROUND others, evenly spread; None for a face without one."""
-    if not face.rim:
-        return None
-    evaluate: Evaluate = face.evaluate
-    low, high = face.parameter_limits
-    start, end = (np.clip(np.concatenate([getattr(curve, side) for curve in face.rim]), low, high) for side in ("start", "end"))
-    step = sum(float(curve.lengths.sum()) for curve in face.rim) / AROUND
-    first, count, following, pieces, vertices = [], [], [], 0, 0
-    for curve in face.rim:
-        length = curve.lengths
-        cell = np.floor((np.cumsum(length) - length) / min(step, float(length.sum()) / LEAST))
-        tangents = (np.roll(curve.points, -1, axis=0) - curve.points) / length[:, None]
-        bent = np.einsum("ij,ij->i", tangents, np.roll(tangents, 1, axis=0)) < np.cos(CORNER)
-        at = np.flatnonzero((cell != np.roll(cell, 1)) | bent | (np.arange(len(length)) == 0))
-        first.append(pieces + at)
-        count.append(np.diff(np.append(at, len(length))))
-        following.append(vertices + np.roll(np.arange(len(at)), -1))
-        pieces, vertices = pieces + len(length), vertices + len(at)
-    begin = np.concatenate(first)
-    return _Rim(evaluate, start, end, begin, np.concatenate(count), evaluate(*start[begin].T), np.concatenate(following))
-
-
-@lru_cache(maxsize=8)
-def _on_sheet(face: BoundedFace) -> Array:
-    """The vertices of a face's rim as `raytrace.kernels.sheet.surface_points` has them: the same for every eye."""
-    rim, sheet = _rim(face), face.sheet
-    assert rim is not None
-    assert sheet is not None
-    return surface_points(sheet, rim.start[rim.first])
-
-
-def _grid(view: View) -> Array:
-    """Places (GRID_SHAPE, 2) over all that a view may show."""
-    seen_at = view.on_plane_of(view.reflector.outline())
-    low, high = seen_at.min(axis=0), seen_at.max(axis=0)
-    margin = BESIDE * (high - low)
-    x, y = (np.linspace(low[c] - margin[c], high[c] + margin[c], GRID_SHAPE[c]) for c in (0, 1))
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
-
-
-def visibility_contour(view: View) -> Edge:
-    """Find the edge as the border of those points of a grid whose rays are reflected, moved to where they cease to be.
-
-    Parameters
-    ----------
-    view : the mirror as the eye sees it.
-
-    Returns
-    -------
-    Edge
-        Joined by parabolas through points half way between its vertices.
-    """
-    grid = _grid(view)
-    seen = _shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
-    seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
-    sides, following = _border(seen)
-    nodes = grid.reshape(-1, 2)
-    on_plane = bisect_visibility(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
-    for _ in range(REFINED):
-        middles = _middles(view, on_plane, following)
-        on_plane, following = (np.concatenate([on_plane, middles]),
-                             np.concatenate([len(on_plane) + np.arange(len(on_plane)), following]))
-    middles = _middles(view, on_plane, following)
-
-    def at_share(k: Index, t: Array) -> Array:
-        after, share = following[k], t[:, None]
-        found: Array = ((1.0 - share) * (1.0 - 2.0 * share) * on_plane[k] + 4.0 * share * (1.0 - share) * middles[k]
-                        + share * (2.0 * share - 1.0) * on_plane[after])
-        return found
-
-    traced = view.trace_points(on_plane)
-    beyond = view.reflector.surface.extends
-    asked = view.untrimmed if beyond else view
-    return Edge(view, asked, beyond, False, on_plane, traced.points, traced.directions, following, at_share)
-
-
-def _middles(view: View, on_plane: Array, following: Index) -> Array:
-    """Places of the edge half way from each to the next, inside lying to the left; on the chord where they are not found."""
-    along = on_plane[following] - on_plane
-    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    middles = on_plane + 0.5 * along
-    k = np.flatnonzero(_shows(view, middles + left) & ~_shows(view, middles - left))
-    middles[k] = bisect_visibility(view, middles[k] + left[k], middles[k] - left[k])
-    return middles
-
-
-def _border(seen: Mask) -> tuple[Index, Index]:
-    """Where a mask on a grid changes: the nodes inside and outside (m, 2) of each side of a cell on which it does.
-
-    And the index (m,) of the next such side round what is inside, which lies to the left. Where two corners of a cell that lie
-    across are inside, they are taken to be apart.
-    """
-    node = np.arange(seen.size).reshape(seen.shape)
-    corners = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=2).reshape(-1, 4)
-    inside = seen.ravel()[corners]
-    starts, ends = [], []
-    for side in range(4):  # a run of corners that are inside begins after this side of the cell, counter-clockwise
-        cell = np.flatnonzero(~inside[:, side] & inside[:, (side + 1) % 4])
-        last = np.full(len(cell), (side + 1) % 4)
-        while (more := inside[cell, (last + 1) % 4]).any():
-            last = np.where(more, (last + 1) % 4, last)
-        # The border cuts the run off, from behind its last corner to before its first.
-        starts.append(np.stack([corners[cell, last], corners[cell, (last + 1) % 4]], axis=1))
-        ends.append(np.stack([corners[cell, (side + 1) % 4], corners[cell, side]], axis=1))
-    start, end = np.concatenate(starts), np.concatenate(ends)
-    name, wanted = start @ [seen.size, 1], end @ [seen.size, 1]
-    order = np.argsort(name)
-    return start, order[np.searchsorted(name[order], wanted)]
-
-
-def _shows(view: View, on_plane: Array, traced: TracedRays | None = None) -> Mask:
-    """Whether places (m, 2) show a reflection, and not one from a rim: the mirror looks the way that its face is turned."""
-    traced = traced or view.trace_points(on_plane)
-    normal = traced.directions - view.towards(on_plane)
-    with np.errstate(invalid="ignore"):
-        towards = view.pose.directions_to_mirror(normal)[:, 2] / np.linalg.norm(normal, axis=1)
-        shows: Mask = traced.seen & (towards > RIM)
-    return shows
-
-
-def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
-    """Find the last points that are seen on the way from points that are to others that are not.
-
-    Parameters
-    ----------
-    view : the mirror as the eye sees it.
-    inside, outside : (m, 2), mm, of the picture plane.
-
-    Returns
-    -------
-    (m, 2), mm, to 4e-9 of the way.
-    """
-    share = (np.arange(SPLIT + 1) / SPLIT)[:, None]
-    row = np.arange(len(inside))
-    for _ in range(ROUNDS):
-        at = inside[:, None] + share * (outside - inside)[:, None]
-        seen = _shows(view, at[:, 1:-1].reshape(-1, 2)).reshape(-1, SPLIT - 1)
-        last = np.argmin(np.concatenate([seen, np.zeros((len(seen), 1), dtype=np.bool_)], axis=1), axis=1)
-        inside, outside = at[row, last], at[row, last + 1]
-    return inside

@@ -17,7 +17,7 @@ from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots
 from raytrace.rays import Status
 from raytrace.roots import SETTLED
 from raytrace.viewing.view import Mask
-from raytrace.visibility.edge import Edge, RayFunction
+from raytrace.visibility.edge import Edge
 from raytrace.visibility.image_points import (
     FOLLOWED_BY,
     MAX_FOLLOWING_STEPS,
@@ -27,6 +27,7 @@ from raytrace.visibility.image_points import (
     grid_on_sheet,
     solve_on_sheet,
 )
+from raytrace.visibility.ray_function import RayFunction
 from raytrace.visibility.sign_changes import BESIDE_CELL, NEAR_ZERO
 
 Array = NDArray[np.float64]

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
-from raytrace.visibility.edge import Edge, RayFunction, edge_of
+from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.image_points import follow_image_points, image_points
 from raytrace.visibility.occlusion import unhidden
 from raytrace.visibility.plan import beside
+from raytrace.visibility.ray_function import RayFunction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raytrace.viewing.ray_differentials import frame, ray_differentials
 from raytrace.viewing.view import View, mirror_grid
-from raytrace.visibility.edge import edge_of
+from raytrace.visibility.edge_of import edge_of
 
 Array = NDArray[np.float64]
 Sense = Literal["upright", "inverted", "reversed", "mixed"]

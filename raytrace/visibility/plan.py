@@ -12,10 +12,11 @@ from raytrace.kernels import outlines as outlines_kernel
 from raytrace.kernels import plan as kernel
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask
-from raytrace.visibility.edge import Edge, RayFunction
+from raytrace.visibility.edge import Edge
 from raytrace.visibility.edges import Edges
 from raytrace.visibility.intervals import IntervalSet, combined, union
 from raytrace.visibility.occlusion import unhidden
+from raytrace.visibility.ray_function import RayFunction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
