@@ -13,6 +13,7 @@ import mirror_cad
 import raytrace
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import GLASS_COLOUR, Part, write_step
+from mirror_studio.bench.tracers.ours import parametric
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.field_of_view import traced_fields_of_view
 from raytrace.measures.lane import lane_straightness_percent
@@ -246,3 +247,26 @@ def test_a_mirror_that_turns_turns_the_ray_twice_as_far() -> None:
     assert apart.turn_max_arcmin == pytest.approx(2.0 * 15.0, abs=1e-3)
     assert apart.turn_rms_arcmin is not None
     assert 29.0 < apart.turn_rms_arcmin <= apart.turn_max_arcmin
+
+
+@pytest.mark.parametrize("kind", ["height field", "parametric", "glass", "an origin a ray"])
+def test_rays_in_random_order_find_what_they_find_in_a_pictures_order(kind: str) -> None:
+    """Those that lie apart are sorted by where they go: the results are theirs, hopeless ones among them too."""
+    laws = {"law": "zones", "right_mm": 1250.0, "left_mm": 400.0, "blend_from": 0.5865}, constant(1300.0)
+    mirror = mirror_cad.design(spec_of(*laws, glass={"reflecting": "back" if kind == "glass" else "front"}))
+    reflector = parametric(mirror) if kind == "parametric" else raytrace.Reflector.from_mirror(mirror)
+    rays = picture_rays(90, 110) * 10.0 ** np.linspace(-2.0, 2.0, 9900)[:, None]
+    rays[::501], rays[7::900] = 0.0, [0.3, 0.0, 1.0]
+    rays[11::1000, 1] = np.nan
+    origins = np.broadcast_to(EYE, rays.shape).copy() if kind == "an origin a ray" else EYE
+    ordered = raytrace.reflect(reflector, origins, rays)
+    assert len(ordered.counts()) >= 3
+    for seed in range(3):
+        order = np.random.default_rng(seed).permutation(len(rays))
+        mixed = raytrace.reflect(reflector, origins if origins.ndim == 1 else origins[order], rays[order])
+        assert (mixed.status == ordered.status[order]).all()
+        # Rounding of coordinates of some 1000 mm: blocks of other rays begin Newton elsewhere.
+        assert mixed.points == pytest.approx(ordered.points[order], abs=1e-12, nan_ok=True)
+        assert mixed.normals == pytest.approx(ordered.normals[order], abs=1e-14, nan_ok=True)
+        assert mixed.directions == pytest.approx(ordered.directions[order], abs=1e-14, nan_ok=True)
+        assert mixed.distances == pytest.approx(ordered.distances[order], abs=1e-12, nan_ok=True)

@@ -47,6 +47,7 @@ from raytrace.kernels.trimming import Strips, in_interior, inside
 
 Array = NDArray[np.float64]
 
+TOGETHER = 0.1  # of the sheet: rays that lie as near to each other begin better at a paraboloid than at the plane above
 SHALLOWEST = 0.05  # −d_z below which the plane above the sheet is no good place to start from
 
 
@@ -161,7 +162,7 @@ def _kernel(powers):
         n_rays = directions.size // 3
         last_x, last_y = ends_x.size - 3, ends_y.size - 3
         x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
-        near_x, near_y = (x_max - x_min) / 32.0, (y_max - y_min) / 32.0
+        near_x, near_y = TOGETHER * (x_max - x_min), TOGETHER * (y_max - y_min)
         warm = False
         cell = 0  # the last one that held a whole block, and its ends
         cell_left, cell_right, cell_bottom, cell_top = np.inf, -np.inf, np.inf, -np.inf

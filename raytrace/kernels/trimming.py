@@ -12,7 +12,7 @@ from raytrace.kernels.compiled import compiled
 
 Array = NDArray[np.float64]
 
-MAX_STRIPS = 64  # of a trimming polygon that a block of rays as a whole is looked up in
+MAX_STRIPS = 256  # of a trimming polygon that a block of rays as a whole is looked up in: an eighth of it
 
 
 class Strips(NamedTuple):

@@ -12,10 +12,11 @@ from scipy.spatial import cKDTree
 
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.errors import TraceError
-from raytrace.kernels import height_field, height_field_search, parametric
+from raytrace.kernels import height_field, height_field_search, order, parametric
 from raytrace.kernels.blocks import Results
 from raytrace.kernels.first_hit import first_hits
 from raytrace.kernels.height_field import HeightField
+from raytrace.kernels.order import SortingGrid
 from raytrace.kernels.outcomes import LOST
 from raytrace.kernels.parametric import Patches
 from raytrace.kernels.pieces import Pieces
@@ -75,6 +76,20 @@ class BSplineFace(BoundedFace):
         """Itself as one sheet z(x, y), with its trimming; None where it is none."""
         field = self.height_field
         return None if field is None else Sheet(field, self.trimming.strips, self.one_sided)
+
+    @cached_property
+    def sorting_grid(self) -> SortingGrid | None:
+        """Where rays go on it, as they are sorted by; None where it is no sheet."""
+        field = self.height_field
+        if field is not None:
+            c, middle = field.cells, 0.5 * (field.top + field.bottom)
+            maps = np.array([[0.0, 0.0, 1.0, -middle], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+        elif len(self.patches.sheet):
+            c, s, centre = self.patches.cells, self.patches.sheet, self.patches.centre
+            maps = np.array([[*s[:3], -s[:3] @ centre], [s[4] - s[5:8] @ centre, *s[5:8]], [s[8] - s[9:] @ centre, *s[9:]]])
+        else:
+            return None
+        return SortingGrid(maps[0], maps[1], maps[2], c.ends_u, c.ends_v, c.lookup_u, c.lookup_v)
 
     @cached_property
     def is_graph(self) -> bool:
@@ -156,9 +171,9 @@ class BSplineFace(BoundedFace):
         """Without a search where a ray can meet it only once; what that leaves, with one. See `OpticalSurface`."""
         field, strips = self.height_field, self.trimming.strips
         if field is not None:
-            run(partial(height_field.hits, field, strips), rays, out)
+            run(partial(height_field.hits, field, strips), rays, out, self.sorting_grid)
         elif len(self.patches.sheet):
-            run(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out)
+            run(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
         else:
             out.status[:] = LOST
         for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
@@ -352,11 +367,22 @@ def search_pieces(pieces: Pieces, rays: Rays, found: Trace, begun: bool = False)
     first_hits(pieces, rays.origins.ravel(), units.ravel(), valid, found.flat)
 
 
-def run(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace) -> None:
-    """A kernel on all cores: of each run of rays it gets the origins, the directions and the results, flat."""
+def run(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace, grid: SortingGrid | None = None) -> None:
+    """A kernel on all cores: of each run of rays it gets the origins, the directions and the results, flat.
+
+    grid : where rays go on the sheet: the kernel gets those that lie apart sorted by that.
+    """
     origins, directions, results = rays.origins.ravel(), rays.directions.ravel(), out.flat
 
     def work(i: int, j: int) -> None:
-        kernel(origins if origins.size == 3 else origins[3 * i:3 * j], directions[3 * i:3 * j], results.of_rays(i, j))
+        o, d, found = origins if origins.size == 3 else origins[3 * i:3 * j], directions[3 * i:3 * j], results.of_rays(i, j)
+        if grid is not None and j - i >= order.LEAST:
+            room = order.room(j - i)
+            if order.gathered(grid, o, d, room):
+                n = j - i
+                kernel(o if o.size == 3 else room.origins[:3 * n], room.directions[:3 * n], room.results.of_rays(0, n))
+                order.put_back(room, n, found)
+                return
+        kernel(o, d, found)
 
     parallel_for(work, len(rays))

@@ -12,6 +12,7 @@ from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
 from raytrace.kernels import glass
 from raytrace.kernels.glass import Sheets
+from raytrace.kernels.order import SortingGrid
 from raytrace.rays import Index, Mask, Rays, Status, Trace
 from raytrace.surfaces.base import AreaSamples, Box, OpticalSurface, RigidMotion, no_inset, no_transition
 from raytrace.surfaces.bspline import BSplineFace, run
@@ -95,7 +96,7 @@ class Plate(OpticalSurface):
         if sheets is None:
             self.face_by_face(rays, out)
             return
-        run(partial(glass.hits, sheets), rays, out)
+        run(partial(glass.hits, sheets), rays, out, self._grid)
         for part, some in rays.in_parts(np.flatnonzero(out.status == Status.LOST)):
             found = Trace.empty(len(some))
             self.face_by_face(some, found)
@@ -111,6 +112,11 @@ class Plate(OpticalSurface):
             return None
         return Sheets(front.patches, front.trimming.strips, front.sign, front.one_sided, back.height_field,
                       back.trimming.strips, self.index)
+
+    @property
+    def _grid(self) -> SortingGrid | None:
+        """Where rays go on the back."""
+        return self.back.sorting_grid if isinstance(self.back, BSplineFace) else None
 
     def face_by_face(self, rays: Rays, out: Trace) -> None:
         """The same for any faces: all rays to one, then those that are left to the next."""
