@@ -1,4 +1,4 @@
-"""What was worked out elsewhere, on the studio's page: measured points laid on its design, and the front of a study."""
+"""Mirrors that no law of the studio's page makes: measured ones, those of a study's front, and from a view drawn by hand."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from mirror_cad.errors import FileError
+from mirror_cad.errors import FileError, SpecError
 from mirror_cad.spec.file import load_spec, spec_as_json
 from mirror_studio import cli
 from mirror_studio.explore.evaluate import evaluate
 from mirror_studio.explore.front import front_of
+from mirror_studio.web import engine
+from mirror_studio.web.state import as_spec, as_state
+from mirror_studio.web.uploads import Uploads
+from mirror_studio.web.view_grid import COLUMNS, DIGITS, ROWS, view_grid
 from tests.conftest import designed
 from tests.studio_page import (
     CHROMIUM,
@@ -99,6 +103,9 @@ def drop(page: Page, name: str, text: str, zone: str) -> None:
     expect(page.locator("#drop")).to_be_hidden()
 
 
+# --- the front of a study ---------------------------------------------------------------------------------------------
+
+
 def test_dragging_along_the_front_of_a_study_shows_its_designs(page: Page, study: Path, tmp_path: Path) -> None:
     """Pictures come while the hand drags; the design that it stops at is the page's, with the figures of the study's row."""
     settled(page)
@@ -157,6 +164,79 @@ def test_a_table_that_is_no_front_says_why(table: str, summary: str | None, word
 def test_a_studio_of_a_study_without_a_front_does_not_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["studio", "--no-browser", "--port", "0", "--study", str(tmp_path)]) == cli.BAD_INPUT
     assert f"{tmp_path}: holds no front.csv" in capsys.readouterr().err
+
+
+# --- a view drawn by hand ---------------------------------------------------------------------------------------------
+
+
+def test_the_grid_of_a_sphere_is_what_a_sphere_reflects() -> None:
+    """The law of reflection at where the eye's ray through (x, y, 0) meets the sphere, to the grid's last digit."""
+    one = engine.designed(load_spec("sphere-950"))
+    grid, radius, eye = view_grid(one), 950.0, one.setup.eye
+    x, y = np.meshgrid(grid["x_mm"], grid["y_mm"])
+    ray = np.stack([x, y, np.zeros_like(x)], axis=-1) - eye
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    centre = np.array([0.0, 0.0, -radius])
+    along = -(ray @ (eye - centre))
+    points = eye + (along - np.sqrt(along**2 - (eye - centre) @ (eye - centre) + radius**2))[..., None] * ray
+    normal = (points - centre) / radius
+    out = ray - 2.0 * (ray * normal).sum(axis=-1, keepdims=True) * normal
+    for k, key_ in enumerate(("azimuth_deg", "elevation_deg")):
+        assert np.degrees(np.arctan(out[..., k] / out[..., 2])) == pytest.approx(np.array(grid[key_]), abs=0.51 * 10.0**-DIGITS)
+
+
+def test_no_file_of_a_target_is_read_by_its_name(tmp_path: Path) -> None:
+    spec = load_spec("perspective")
+    uploads = Uploads()
+    try:
+        for section in ({"projection": "table", "file": "/etc/hostname"},
+                        spec.target.model_dump(exclude_none=True) | {"weight": {"file": "w.csv"}}):  # type: ignore[union-attr]
+            with pytest.raises(SpecError, match=r"the studio reads no files by their names"):
+                as_spec(as_state(spec) | {"target": section}, uploads)
+    finally:
+        uploads.close()
+
+
+def test_a_node_dragged_on_the_picture_changes_what_is_seen_there(page: Page, tmp_path: Path) -> None:
+    settled(page)
+    h_fov = figure(page, "h-fov-traced")
+    page.click("#wanted-view > summary")
+    page.click("#draw-grid")
+    becomes_view = "document.querySelector('#wanted-view').textContent.includes('the laws have no effect')"
+    page.wait_for_function(becomes_view, timeout=SOON)
+    settled(page)
+    assert figure(page, "h-fov-traced") == pytest.approx(h_fov, abs=0.1)  # the grid begins as what the mirror shows
+    box = page.locator("#driver-view").bounding_box()
+    assert box
+    middle = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]  # a node: the grid's numbers are odd
+    before = revision(page)
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0] + 12, middle[1], steps=3)
+    expect(page.locator("#readout")).to_contain_text("To be seen here")
+    revision_after(page, before)  # while it is held
+    page.mouse.up()
+    settled(page)
+    with page.expect_download(timeout=SOON) as download:
+        page.click('[data-take="spec"]')
+    download.value.save_as(tmp_path / "drawn.toml")
+    spec = load_spec(tmp_path / "drawn.toml")
+    target, first = spec.target, view_grid(engine.designed(load_spec("progressive-c")))
+    assert target is not None
+    assert target.projection == "table"
+    k = COLUMNS // 2
+    asked, was = target.azimuth_deg[ROWS // 2][k], first["azimuth_deg"][ROWS // 2][k]  # type: ignore[index]
+    assert asked > was + 0.5  # more to the right than before
+    now = view_grid(engine.designed(spec))["azimuth_deg"][ROWS // 2][k]  # type: ignore[index]
+    assert abs(now - asked) < 0.2 * (asked - was)  # for the most: its neighbours follow without curl
+    page.get_by_text("The laws again").click()
+    settled(page)
+    assert figure(page, "h-fov-traced") == pytest.approx(h_fov, abs=1e-9)
+    page.select_option("#preset", "perspective")
+    page.wait_for_function("document.querySelector('[data-testid=straightness]').textContent === '−0.27'", timeout=SOON)
+
+
+# --- a made mirror ----------------------------------------------------------------------------------------------------
 
 
 def test_measured_points_dropped_on_the_page_are_laid_on_its_design(page: Page, tmp_path: Path) -> None:

@@ -239,7 +239,7 @@ def described(one: Designed, fine: bool) -> dict[str, Json]:
             "fit": {"spans": list(mirror.fit.spans), "degree": mirror.fit.degree, "met": mirror.fit.met,
                     "position_error_mm": mirror.fit.position_error_mm,
                     "curvature_error_percent": mirror.fit.curvature_error_percent},
-            "deviations": one.deviations if fine else None, "fine": fine}
+            "deviations": one.deviations if fine and mirror.spec.has_laws else None, "fine": fine}
 
 
 def eyes_of(eye: Array, look: ViewSettings) -> list[Array]:

@@ -165,6 +165,9 @@ def create_app(port: int, front: Front | None = None, study: Path | None = None)
     async def dropped(request: Request) -> Response:
         return await _answered(shared(), _front(shared(), request))
 
+    async def grid(request: Request) -> Response:
+        return await _answered(shared(), _grid(shared(), request))
+
     async def picture(request: Request) -> Response:
         return await _answered(shared(), _picture(shared(), request))
 
@@ -186,7 +189,7 @@ def create_app(port: int, front: Front | None = None, study: Path | None = None)
             return PlainTextResponse("there is no such file in this set", 404)
         return FileResponse(path, media_type=media, filename=name)
 
-    posts = {"/upload/{kind}": upload, "/front": dropped, "/picture": picture, "/toml": toml}
+    posts = {"/upload/{kind}": upload, "/front": dropped, "/grid": grid, "/picture": picture, "/toml": toml}
     gets = {"/": index, "/static/{name}": file, "/start": beginning, "/study": of_study, "/files/{token}/{kind}": files}
     app = Starlette(lifespan=lifespan, routes=[
         *(Route(path, answer, methods=["GET"]) for path, answer in gets.items()),
@@ -266,6 +269,15 @@ async def _front(shared: Shared, request: Request) -> dict[str, Any]:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise SpecError("not a request of the studio's page") from None
     return await asyncio.to_thread(lambda: front_as_json(front_of(name[:100], table, summary), None, shared.uploads))
+
+
+async def _grid(shared: Shared, request: Request) -> dict[str, Any]:
+    """What the design shows, as the target of a wanted view that a hand draws on. Raises: MirrorError."""
+    from mirror_studio.web import engine
+    from mirror_studio.web.view_grid import view_grid
+
+    checked, _ = await _asked(shared, request)
+    return await asyncio.get_running_loop().run_in_executor(shared.quick, lambda: view_grid(engine.designed(checked)))
 
 
 async def _picture(shared: Shared, request: Request) -> Response:

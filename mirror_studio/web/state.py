@@ -27,15 +27,19 @@ BUILT_IN_PICTURE = "road"
 
 def presets() -> dict[str, dict[str, Any]]:
     """Every preset with all of its keys, as the page holds them."""
-    return {name: as_state(spec) for name in preset_names() if (spec := load_spec(name)).has_laws}
+    return {name: as_state(load_spec(name)) for name in preset_names()}
 
 
 def as_state(spec: MirrorSpec) -> dict[str, Any]:
     """A specification with all of its keys, without what is left out.
 
-    An infinite radius is the text "inf", a side of a limit that is free is None, a file its name.
+    An infinite radius is the text "inf", a side of a limit that is free is None, a file its name. Where the surface comes from
+    a view and laws are left out, those that the page opens with are there to go back to.
     """
     state = spec_as_json(spec)
+    if "horizontal" not in state or "vertical" not in state:
+        opens_on = spec_as_json(load_spec(OPENS_ON))
+        state = {law: opens_on[law] for law in ("horizontal", "vertical")} | state
     for section, key in FILES:
         if key in state[section] and state[section][key] != BUILT_IN_PICTURE:
             state[section][key] = Path(state[section][key]).name
@@ -71,6 +75,9 @@ def as_spec(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
     """
     if no_sphere(state):
         state = state | {"surface": state["surface"] | {"method": "decoupled"}}
+    surface = state.get("surface")
+    if isinstance(surface, dict) and surface.get("method") == "view":  # the laws are there to go back to, and no part of it
+        state = {section: keys for section, keys in state.items() if section not in ("horizontal", "vertical")}
     return _checked(state, uploads)
 
 
@@ -81,6 +88,12 @@ def _checked(state: dict[str, Any], uploads: Uploads) -> MirrorSpec:
         if isinstance(section, dict) and "file" in section:
             raise SpecError(f"{law}.file = {str(section['file'])[:60]!r}: the studio reads no files by their names: bring "
                             "the table in with \"Table from CSV\"")
+    target = raw.get("target")
+    if isinstance(target, dict):
+        for where, section in (("target", target), ("target.weight", target.get("weight"))):
+            if isinstance(section, dict) and section.get("file") is not None:
+                raise SpecError(f"{where}.file = {str(section['file'])[:60]!r}: the studio reads no files by their names: "
+                                "write its table into the specification")
     limits = raw.get("limits")
     if isinstance(limits, dict):
         for key, value in limits.items():

@@ -6,6 +6,7 @@ import { el, find } from "./dom.js";
 import { bringAgain, bringIn, choose, chooseSome, dropZones, save } from "./files.js";
 import { Figures } from "./figures.js";
 import { Front, ofFront } from "./front.js";
+import { ViewGrid } from "./grid.js";
 import { LawPlot } from "./laws.js";
 import { FlatMap, Plan } from "./maps.js";
 import { Measured } from "./measured.js";
@@ -57,6 +58,8 @@ const stage = new Stage(find("#driver-view"), find("#readout"), {
   },
 });
 stage.resized = () => rest();
+const viewGrid = new ViewGrid(store, stage, { fail, well });
+find("#controls").append(viewGrid.element);
 const flat = new FlatMap(find("#flat-map")), plan = new Plan(find("#plan")), solid = new Mirror3D(find("#mirror-3d"));
 solid.busy = () => wire.flying.size > 0 || performance.now() - changedAt < 120;
 const figures = new Figures(find("#figures"), store);
@@ -190,6 +193,8 @@ function paint(soon) {
     rules.refresh();
     measured.refresh();
     front.refresh();
+    viewGrid.refresh();
+    find("#laws").classList.toggle("idle", now.spec.surface.method === "view");
     laws.forEach((law) => law.draw());
     figures.shown(null, pinned?.answer);
     road.refresh(now, pinned);

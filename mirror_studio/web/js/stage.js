@@ -18,8 +18,18 @@ export class Stage {
     this.revision = 0;
     this.grid = false;
     this.asked = null;
-    canvas.addEventListener("pointermove", (event) => this.hover(event));
-    canvas.addEventListener("pointerleave", () => this.leave());
+    canvas.addEventListener("pointerdown", (event) => {
+      if (this.instead || !this.nodes?.down(event.offsetX, event.offsetY, this.places ?? [], this.answer)) return;
+      event.preventDefault();
+      canvas.setPointerCapture(event.pointerId);
+      this.leave();
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { if (this.nodes?.held) this.nodes.up(); });
+    canvas.addEventListener("pointermove", (event) => {
+      if (this.nodes?.held) this.nodes.move(event.offsetX, event.offsetY);
+      else this.hover(event);
+    });
+    canvas.addEventListener("pointerleave", () => { if (!this.nodes?.held) this.leave(); });
     canvas.addEventListener("keydown", (event) => this.key(event));
     canvas.addEventListener("blur", () => this.leave());
     watch(canvas, () => { this.draw(); this.resized?.(); });
@@ -91,6 +101,7 @@ export class Stage {
       const place = { x, y, w, h, kind, eye: Number(eye), camera, size: w / camera.columns };
       this.places.push(place);
       if (this.grid && kind === "picture") this.drawGrid(context, place, answer);
+      if (kind === "picture" && answer === this.answer) this.nodes?.draw(context, place, answer);
       if (names.length > 1) label(context, place, names, answer, this.ownWords?.() ?? "your mirror");
     });
     if (this.cross) {
