@@ -183,11 +183,11 @@ def test_edges_asked_together_are_those_asked_alone(hand: str) -> None:
     eye = EYE * [1.0, -1.0 if hand == "right" else 1.0, 1.0]
     reflector = Reflector(face)
     turned = [View(reflector, replace(pose, yaw=pose.yaw + turn), eye) for turn in (-0.1, 0.0, 0.1)]
-    together = Edges.of([edge_of(view) for view in turned])
-    mixed = Edges.of([edge_of(View(Reflector(searched(face)) if j == 1 else reflector, view.pose, eye))
+    together = Edges.of(turned)
+    mixed = Edges.of([View(Reflector(searched(face)) if j == 1 else reflector, view.pose, eye)
                       for j, view in enumerate(turned)])
-    assert together.sheet_rim is not None
-    assert mixed.sheet_rim is None
+    assert together.shared is not None
+    assert mixed.shared is None
     y = -2500.0 if hand == "left" else 2500.0
     host = HostVehicle(900.0, -2000.0, 3000.0, 1450.0)
     for edges in (together, mixed):

@@ -101,13 +101,15 @@ def _rays_to(ray, numbers, eyes, rotations, offsets, of, surface, at, points, di
     return True
 
 
-def rays_to(sheet: Sheet, posed: Posed, surface: Array, of: Index = NONE) -> tuple[Array, Array, Array] | None:
+def rays_to(sheet: Sheet, posed: Posed, surface: Array, of: Index = NONE, out: tuple[Array, Array, Array] | None = None,
+            ) -> tuple[Array, Array, Array] | None:
     """How eyes' rays to points of the sheet leave, without looking for these.
 
     Parameters
     ----------
     sheet : in mirror coordinates, mm.   posed : the eyes.
     surface : (n, 5), as `surface_points` has them.   of : (n,), whose ray each is; empty where it is the first's.
+    out : what is returned, to be written over: fresh memory costs more than the rays.
 
     Returns
     -------
@@ -115,6 +117,6 @@ def rays_to(sheet: Sheet, posed: Posed, surface: Array, of: Index = NONE) -> tup
     see one of its points, or another part of the sheet before it.
     """
     n = len(surface)
-    at, points, directions = np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))
+    at, points, directions = out or (np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3)))
     direct = _rays_to(np.zeros(6), sheet.numbers, *posed, of, surface, at, points, directions)
     return (at, points, directions) if direct else None

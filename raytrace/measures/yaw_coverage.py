@@ -15,7 +15,6 @@ from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.vehicle import Eyes, HostVehicle
 from raytrace.viewing.view import View
-from raytrace.visibility.edge_of import edge_of
 from raytrace.visibility.edges import Edges
 from raytrace.visibility.orientation import orientation
 from raytrace.visibility.ray_function import LEVEL
@@ -68,7 +67,8 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle
     -------
     YawCoverage
     """
-    looks, may_fold = [], True
+    looks: list[tuple[int, tuple[View, View, View]]] = []
+    may_fold = True
     for k, turn in enumerate(turns):
         turned = replace(pose, yaw=pose.yaw + float(turn))
         try:
@@ -80,14 +80,14 @@ def yaw_coverage(reflector: Reflector, pose: Pose, eyes: Eyes, host: HostVehicle
             may_fold = shown.converging  # what is nowhere concave does not become so by being turned
             if shown.twice:
                 continue
-        looks.append((k, middle, left, right))
+        looks.append((k, (middle, left, right)))
     found, endless = np.full((len(turns), 3), np.nan), np.zeros(len(turns), dtype=np.bool_)
     if not looks:
         return YawCoverage(turns, found[:, 0], found[:, 1], found[:, 2], endless)
-    at = np.array([k for k, *_ in looks])
-    middles, lefts, rights = (Edges.of([edge_of(look[c]) for look in looks]) for c in (1, 2, 3))
+    at = np.array([k for k, _ in looks])
+    middles, lefts, rights = (Edges.of([views[c] for _, views in looks]) for c in (0, 1, 2))
     of, _, _, level = middles.crossings(LEVEL)
-    azimuth = np.mod(np.arctan2(side_of(looks[0][1]) * level[:, 1], -level[:, 0]), 2.0 * np.pi)
+    azimuth = np.mod(np.arctan2(side_of(looks[0][1][0]) * level[:, 1], -level[:, 0]), 2.0 * np.pi)
     for j, k in enumerate(at):
         if (of == j).any():
             found[k, :2] = azimuth[of == j].min(), azimuth[of == j].max()

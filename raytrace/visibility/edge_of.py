@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.eye_rays import rays_to
-from raytrace.kernels.sheet import surface_points
+from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.kernels.sheet_rim import Rim
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
@@ -63,6 +63,18 @@ def edge_of(view: View) -> Edge:
             return Edge(view, whole, True, True, on_plane, traced.points, traced.directions, rim.following,
                         lambda k, t: view.on_plane_of(rim.at(k, t)))
     return visibility_contour(view)
+
+
+def sheet_rim_of(reflector: Reflector) -> tuple[Sheet, Rim, Array, Index] | None:
+    """The whole sheet of a reflector that is one bare one, with nothing before it, and the rim that it is trimmed along.
+
+    Its vertices (n, 5) as `surface_points` has them, and the following ones (n,). None for other reflectors.
+    """
+    face, faces = reflector.surface, reflector.surface.bounding_faces
+    if reflector.obstacles is not None or len(faces) != 1 or faces[0] is not face:
+        return None
+    rim, sheet = _rim(faces[0]), reflector.untrimmed.surface.sheet
+    return None if rim is None or sheet is None else (sheet, rim.pieces, _on_sheet(faces[0]), rim.following)
 
 
 def _shown_face(view: View) -> BoundedFace | None:

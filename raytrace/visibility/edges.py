@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels import image_points as nearest_kernel
+from raytrace.kernels import loops as kernel_loops
 from raytrace.kernels import sign_changes as signs
 from raytrace.kernels.eye_rays import Posed, rays_to, trace
 from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots
 from raytrace.rays import Status
 from raytrace.roots import SETTLED
-from raytrace.viewing.view import Mask
+from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
+from raytrace.visibility.edge_of import edge_of, sheet_rim_of
 from raytrace.visibility.image_points import (
     FOLLOWED_BY,
     MAX_FOLLOWING_STEPS,
@@ -34,96 +36,160 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shared:
+    """The edges of several views of one bare sheet: the same n vertices for each, whose rays are worked out when asked for.
+
+    rim, surface (n, 5), following (n,) : as `sheet_rim_of` has them.
+    rays : of the edge that was asked last, on the picture plane (n, 2), points and directions (n, 3): one place in memory.
+    low, high, more_than_half : as `Edges` has them.
+    """
+
+    sheet: Sheet
+    rim: Rim
+    surface: Array
+    following: Index
+    rays: tuple[Array, Array, Array]
+    low: Array
+    high: Array
+    more_than_half: Mask
+
+    def of(self, posed: Posed, j: int) -> bool:
+        """Put the rays of one eye into `rays`; whether it is sure to see all of the rim."""
+        return rays_to(self.sheet, _one(posed, j), self.surface, out=self.rays) is not None
+
+
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges that are asked together, m of them.
+    """The edges of what the eyes of m views see reflecting, asked together.
 
-    Where all are those of one bare sheet, which several eyes look into or which is turned, one call finds the rays of all; else
+    Where all are those of one bare sheet, which several eyes look into or which is turned, few calls find the rays of all; else
     each is asked by itself.
     In what is asked of them, `of` (n,) says whose edge each row is about.
     """
 
-    edges: tuple[Edge, ...]
+    views: tuple[View, ...]
 
     @staticmethod
-    def of(edges: Sequence[Edge]) -> Edges:
+    def of(views: Sequence[View]) -> Edges:
         """Raises: ValueError without any."""
-        if not edges:
+        if not views:
             raise ValueError("there is no edge to be asked")
-        return Edges(tuple(edges))
+        return Edges(tuple(views))
+
+    @staticmethod
+    def of_one(edge: Edge) -> Edges:
+        """One edge that is there already."""
+        found = Edges((edge.of,))
+        vars(found)["edges"] = (edge,)
+        return found
 
     def __len__(self) -> int:
-        return len(self.edges)
+        return len(self.views)
 
     @cached_property
-    def sheet_rim(self) -> tuple[Sheet, Rim] | None:
-        """The sheet and the rim that all share, of which no search is made; None for one edge, which knows itself."""
-        first = self.edges[0]
-        shared = len(self.edges) > 1 and first.sheet_rim is not None and all(
-            one.sheet_rim is not None and one.sheet_rim[0] is first.sheet_rim[0] and one.of.reflector is first.of.reflector
-            for one in self.edges)
-        return first.sheet_rim if shared and first.of.reflector.obstacles is None else None
+    def edges(self) -> tuple[Edge, ...]:
+        """Each by itself."""
+        return tuple(edge_of(view) for view in self.views)
 
     @cached_property
     def posed(self) -> Posed:
         """Their eyes and poses."""
-        views = [one.view for one in self.edges]
-        return Posed(np.stack([view.eye_in_mirror for view in views]), np.stack([view.pose.rotation for view in views]),
-                     np.stack([view.pose.offset for view in views]))
+        return Posed(np.stack([view.eye_in_mirror for view in self.views]),
+                     np.stack([view.pose.rotation for view in self.views]),
+                     np.stack([view.pose.offset for view in self.views]))
+
+    @cached_property
+    def shared(self) -> _Shared | None:
+        """What all share, of which no search is made; None for one edge, which knows itself, and where nothing is."""
+        first, m = self.views[0].reflector, len(self.views)
+        found = sheet_rim_of(first) if m > 1 and all(view.reflector is first for view in self.views) else None
+        if found is None:
+            return None
+        sheet, rim, surface, following = found
+        n = len(surface)
+        shared = _Shared(sheet, rim, surface, following, (np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))),
+                         np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_))
+        for j in range(m):
+            if not shared.of(self.posed, j):
+                return None
+            centre, shared.low[j], shared.high[j] = kernel_loops.extent(*shared.rays[:2])
+            status, _, ahead, _ = trace(sheet, _one(self.posed, j), centre[None])
+            middle = ahead[0] if status[0] == Status.REFLECTED else np.add.reduce(shared.rays[2]) / n
+            shared.more_than_half[j] = kernel_loops.least_along(shared.rays[2], middle) <= 0.0
+        return shared
+
+    @cached_property
+    def reach(self) -> tuple[Array, Array]:
+        """From where to where the points of each reach in X and Y, mm, (m, 2) each; ∞ to −∞ where there are none."""
+        if self.shared is not None:
+            return self.shared.low, self.shared.high
+        return np.stack([one.extent[1] for one in self.edges]), np.stack([one.extent[2] for one in self.edges])
 
     @cached_property
     def show_more_than_half(self) -> Mask:
         """Whether each may show directions that are opposite to each other, (m,)."""
-        if self.sheet_rim is None:
-            return np.array([len(one.on_plane) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
-        centres = np.stack([one.extent[0] for one in self.edges])
-        status, _, directions, _ = trace(self.sheet_rim[0], self.posed, centres, np.arange(len(self.edges)))
-        return np.array([one.shows_more_than_half(one.middle_of(status[j] == Status.REFLECTED, directions[j]))
-                         for j, one in enumerate(self.edges)])
+        if self.shared is not None:
+            return self.shared.more_than_half
+        return np.array([len(one.on_plane) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
+
+    def rays(self, j: int) -> tuple[Array, Array, Index]:
+        """Points, directions and following vertices of the edge j, as `Edge` has them; until the next is asked for."""
+        shared = self.shared
+        if shared is None:
+            edge = self.edges[j]
+            return edge.points, edge.directions, edge.following
+        shared.of(self.posed, j)
+        return *shared.rays[1:], shared.following
 
     def settle(self, of: Index, k: Index, function: RayFunction) -> tuple[Array, Array, Array]:
         """Find where functions of rays (n,) vanish between vertices k (n,) and the following ones.
 
         Returns
         -------
-        Places (n, 2) of the picture plane; points and unit directions (n, 3) of the rays, in vehicle coordinates.
+        Points (n, 2) of the picture plane; points and unit directions (n, 3) of the rays, in vehicle coordinates.
         """
-        points, directions, after, after_directions = (np.empty((len(k), 3)) for _ in range(4))
-        for j, rows in self._rows(of):
-            edge, here = self.edges[j], k[rows]
-            following = edge.following[here]
-            points[rows], directions[rows] = edge.points[here], edge.directions[here]
-            after[rows], after_directions[rows] = edge.points[following], edge.directions[following]
-        at_low, at_high = function(points, directions), function(after, after_directions)
-        if self.sheet_rim is not None and len(k):
-            sheet, rim = self.sheet_rim
-            share = rim_roots(sheet, rim, self.posed, function.coefficients, k, np.zeros(len(k)), np.ones(len(k)),
-                                       at_low, at_high, SETTLED, of)
+        shared = self.shared
+        if shared is not None and len(k):
+            at_low, at_high = (function(*self._rays_to(shared.surface[at], of)) for at in (k, shared.following[k]))
+            share = rim_roots(shared.sheet, shared.rim, self.posed, function.coefficients, k, np.zeros(len(k)),
+                              np.ones(len(k)), at_low, at_high, SETTLED, of)
             if share is not None:
-                surface = surface_points(sheet, rim_points(rim, k, share))
-                direct = rays_to(sheet, self.posed, surface, of)
+                surface = surface_points(shared.sheet, rim_points(shared.rim, k, share))
+                direct = rays_to(shared.sheet, self.posed, surface, of)
                 if direct is not None:
                     return direct
-        on_plane = np.empty((len(k), 2))
+        on_plane, points, directions = np.empty((len(k), 2)), np.empty((len(k), 3)), np.empty((len(k), 3))
         for j, rows in self._rows(of):
-            on_plane[rows], traced = self.edges[j].settle(k[rows], at_low[rows], at_high[rows], function.some(rows))
+            edge, here, asked = self.edges[j], k[rows], function.some(rows)
+            at_low, at_high = (asked(edge.points[at], edge.directions[at]) for at in (here, edge.following[here]))
+            on_plane[rows], traced = edge.settle(here, at_low, at_high, asked)
             points[rows], directions[rows] = traced.points, traced.directions
         return on_plane, points, directions
 
     def crossings(self, function: RayFunction) -> tuple[Index, Array, Array, Array]:
         """Find where a function changes its sign along each edge: on which, and as `settle`."""
+        shared = self.shared
+        if shared is None:
+            return self._crossings_apart(function)
         of, k = [], []
-        for j, edge in enumerate(self.edges):
-            if len(edge.on_plane) == 0:
-                continue
-            now = function(edge.points, edge.directions)
-            crossed, may_turn = signs.along_loops(now, edge.on_plane, edge.following, NEAR_ZERO, BESIDE_CELL)
+        for j in range(len(self)):
+            points, directions, following = self.rays(j)
+            now = function(points, directions)
+            crossed, may_turn = signs.along_loops(now, shared.rays[0], following, NEAR_ZERO, BESIDE_CELL)
             if may_turn.size:  # it may cross twice between two vertices: each by itself
                 return self._crossings_apart(function)
             of.append(np.full(len(crossed), j))
             k.append(crossed)
-        owner = np.concatenate([np.zeros(0, dtype=np.intp), *of])
-        return owner, *self.settle(owner, np.concatenate([np.zeros(0, dtype=np.intp), *k]), function)
+        owner = np.concatenate(of)
+        return owner, *self.settle(owner, np.concatenate(k), function)
+
+    def _rays_to(self, surface: Array, of: Index) -> tuple[Array, Array]:
+        """Points and directions of the rays to vertices of the shared rim, which all see."""
+        assert self.shared is not None
+        found = rays_to(self.shared.sheet, self.posed, surface, of)
+        assert found is not None
+        return found[1], found[2]
 
     def _crossings_apart(self, function: RayFunction) -> tuple[Index, Array, Array, Array]:
         found = [(j, *edge.crossings(function)[1:]) for j, edge in enumerate(self.edges) if len(edge.on_plane)]
@@ -140,7 +206,7 @@ class Edges:
             at, leaving, passes = self._solved(of, starts, targets, MAX_STEPS)
             index = np.flatnonzero(passes <= PASSES_BY)
             on_plane[index] = at[index]
-            trimmed = self.edges[0].of.reflector.surface.sheet
+            trimmed = self.views[0].reflector.surface.sheet
             assert trimmed is not None
             inside[index] = trimmed.strips.contain(*leaving[index, :2].T)
             return on_plane, inside
@@ -150,7 +216,7 @@ class Edges:
 
     def follow_image_points(self, of: Index, starts: Array, targets: Array) -> tuple[Array, Array]:
         """`raytrace.visibility.image_points.follow_image_points` of points (n, 3), mm."""
-        if self.sheet_rim is not None:
+        if self.shared is not None:
             at, leaving, passes = self._solved(of, starts, targets, MAX_FOLLOWING_STEPS)
             lost = ~(passes < FOLLOWED_BY)
             at[lost], leaving[lost] = np.nan, np.nan
@@ -161,33 +227,34 @@ class Edges:
         return on_plane, points
 
     def _solved(self, of: Index, starts: Array, targets: Array, max_steps: int) -> tuple[Array, Array, Array]:
-        assert self.sheet_rim is not None
+        assert self.shared is not None
         wanted = np.einsum("nji,nj->ni", self.posed.rotations[of], targets - self.posed.offsets[of])
-        box = self.edges[0].of.box
-        return solve_on_sheet(self.sheet_rim[0], self.posed.eyes, of, starts, wanted, False, max_steps, box[1] - box[0])
+        box = self.views[0].box
+        return solve_on_sheet(self.shared.sheet, self.posed.eyes, of, starts, wanted, False, max_steps, box[1] - box[0])
 
     def _starts(self, of: Index, targets: Array) -> Array | None:
         """The points of a grid whose rays pass nearest to targets; None where each edge is to be asked by itself."""
-        if self.sheet_rim is None or len(of) == 0:
+        shared, first = self.shared, self.views[0]
+        if shared is None or len(of) == 0:
             return None
-        view = self.edges[0].of.untrimmed
-        surface = grid_on_sheet(view.reflector.surface, self.edges[0].of.box)
-        asked, owner = np.unique(of, return_inverse=True)
-        n = len(surface)
-        found = rays_to(self.sheet_rim[0], self.posed, np.tile(surface, (len(asked), 1)), np.repeat(asked, n))
-        if found is None:
-            return None
-        starts, points, directions = found
-        index = np.empty(len(of), dtype=np.intp)
-        for j in range(len(asked)):
-            rows, part = np.flatnonzero(owner == j), slice(j * n, (j + 1) * n)
+        surface = grid_on_sheet(first.reflector.untrimmed.surface, first.box)
+        starts = np.empty((len(of), 2))
+        for j in np.unique(of):
+            found = rays_to(shared.sheet, _one(self.posed, int(j)), surface)
+            if found is None:
+                return None
+            rows = np.flatnonzero(of == j)
             nearest = np.empty(len(rows), dtype=np.intp)
-            nearest_kernel.nearest_rays(targets[rows], False, points[part], directions[part], nearest)
-            index[rows] = nearest + j * n
-        return starts[index]
+            nearest_kernel.nearest_rays(targets[rows], False, *found[1:], nearest)
+            starts[rows] = found[0][nearest]
+        return starts
 
     def _rows(self, of: Index) -> list[tuple[int, Index]]:
         """The edges that are asked, each with its rows."""
-        if len(self.edges) == 1:
+        if len(self) == 1:
             return [(0, np.arange(len(of)))]
         return [(int(j), np.flatnonzero(of == j)) for j in np.unique(of)]
+
+
+def _one(posed: Posed, j: int) -> Posed:
+    return Posed(*(each[j:j + 1] for each in posed))

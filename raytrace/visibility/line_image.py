@@ -297,7 +297,7 @@ def _unhidden(seen: LineView, host: HostVehicle | None, low: float, high: float,
               known: tuple[Known, Known], samples: int) -> list[LineImage]:
     """The images of the parts between two φ that the host vehicle does not hide."""
     ends_at = seen.line.at(np.minimum(seen.along(np.array([low, high])), FAR_MM))
-    if host is None or beside(seen.edge, host, ends_at[:, None, :2])[0]:
+    if host is None or beside(*seen.edge.extent[1:], host, ends_at[:, None, :2])[0]:
         return [seen.image(low, high, ends, known, samples)]
     angle = np.linspace(low, high, GRID_SHAPE)
     near, _ = seen.image_points(angle)

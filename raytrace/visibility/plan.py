@@ -51,7 +51,7 @@ def visible_intervals(edge: Edge, axis: Axis, values: Array, height_mm: float = 
     IntervalSet
         On rows numbered as the values, mm of the other coordinate.
     """
-    return _visible(Edges.of([edge]), np.zeros(len(values), dtype=np.intp), axis, values, height_mm, host, low, high)
+    return _visible(Edges.of_one(edge), np.zeros(len(values), dtype=np.intp), axis, values, height_mm, host, low, high)
 
 
 def visible_on_each(edges: Edges, axis: Axis, value_mm: float, height_mm: float = 0.0, host: HostVehicle | None = None,
@@ -83,11 +83,8 @@ def _visible(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: floa
         return IntervalSet(cuts.row, first, last)
     ends = np.empty((2, len(first), 2))
     ends[:, :, axis], ends[:, :, 1 - axis] = values[cuts.row], (first, last)
-    open_to_all = np.empty(len(first), dtype=np.bool_)
-    for j, edge in enumerate(edges.edges):
-        rows = np.flatnonzero(of[cuts.row] == j)
-        if rows.size:
-            open_to_all[rows] = beside(edge, host, ends[:, rows])
+    owner = of[cuts.row]
+    open_to_all = beside(edges.reach[0][owner], edges.reach[1][owner], host, ends)
     hidden = np.flatnonzero(~open_to_all)
     parts = _unhidden(edges, of, axis, values, height_mm, host, cuts.subset(hidden), first[hidden], last[hidden])
     return union(IntervalSet(cuts.row[open_to_all], first[open_to_all], last[open_to_all]), parts)
@@ -117,11 +114,11 @@ def _cuts(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float) 
     the mirror.
     """
     swept = []
-    for j, edge in enumerate(edges.edges):
+    for j in range(len(edges)):
+        points, directions, following = edges.rays(j)
         rows = np.flatnonzero(of == j) if len(edges) > 1 else np.arange(len(of))
-        if len(edge.on_plane) and rows.size:
-            after, line = kernel.swept_lines(edge.points, edge.directions, edge.following, axis, height_mm, values[rows],
-                                             MIN_HEIGHT_MM, WRAP)
+        if len(points) and rows.size:
+            after, line = kernel.swept_lines(points, directions, following, axis, height_mm, values[rows], MIN_HEIGHT_MM, WRAP)
             swept.append((after, rows[line]))
     none = np.zeros(0, dtype=np.intp)
     k, row = (np.concatenate([none, *(part[c] for part in swept)]) for c in (0, 1))
@@ -160,14 +157,14 @@ def _ended(edges: Edges, of: Index, axis: Axis, values: Array, height_mm: float,
             np.concatenate([other[kept], ends[:, :, 1 - axis].ravel()[end]]), np.concatenate([on_plane[kept], found[end]]))
 
 
-def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
+def beside(low: Array, high: Array, host: HostVehicle, ends: Array) -> Mask:
     """Find which straight lines lie, with all of the mirror, on the outer side of a plane that bounds the vehicle.
 
     It hides nothing of them.
 
     Parameters
     ----------
-    edge : of what the eye sees reflecting.
+    low, high : (2,) or (m, 2), mm, from where to where the mirror's edge reaches in plan.
     host : the box.
     ends : (2, m, 2), mm, the two ends of each line in plan.
 
@@ -175,13 +172,10 @@ def beside(edge: Edge, host: HostVehicle, ends: Array) -> Mask:
     -------
     (m,).
     """
-    _, low, high = edge.extent
     found = np.zeros(ends.shape[1], dtype=np.bool_)
     for c, (least, most) in enumerate(((host.front_mm, host.rear_mm), (-host.half_width_mm, host.half_width_mm))):
-        if high[c] <= least:
-            found |= (ends[:, :, c] <= least).all(axis=0)
-        if low[c] >= most:
-            found |= (ends[:, :, c] >= most).all(axis=0)
+        found |= (ends[:, :, c] <= least).all(axis=0) & (high[..., c] <= least)
+        found |= (ends[:, :, c] >= most).all(axis=0) & (low[..., c] >= most)
     return found
 
 
