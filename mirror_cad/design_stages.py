@@ -31,10 +31,11 @@ from mirror_cad.profile import (
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec, Target
 from mirror_cad.surfaces import fit as fitting
+from mirror_cad.surfaces.convexity import check_convex, check_convex_surface
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 from mirror_cad.surfaces.faithful import RESIDUAL_CONTINUITY, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
-from mirror_cad.surfaces.from_view import SplineSag, check_convex, check_convex_surface, surface_from_view
+from mirror_cad.surfaces.from_view import SplineSag, surface_from_view
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
 from mirror_cad.surfaces.sphere import (
     SPHERE_CURVATURE_PERCENT,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from mirror_cad.surfaces.basis import greville_abscissae
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.kernels.intervals import swept
 from raytrace.kernels.loops import loops
 from raytrace.kernels.sheet import Sheet

@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mirror_cad.made.spline_fit import DEGREE, SplineFit
-from mirror_cad.surfaces.bspline import basis_functions
+from mirror_cad.surfaces.basis import basis_functions
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.spline_fit import DEGREE, SplineFit
-from mirror_cad.surfaces.bspline import BSplineSurface, dense_basis, greville_abscissae
+from mirror_cad.surfaces.basis import dense_basis, greville_abscissae
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import graph
 
 Array = NDArray[np.float64]

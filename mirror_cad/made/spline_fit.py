@@ -20,7 +20,7 @@ from scipy.sparse import coo_array, kron
 
 from mirror_cad.errors import SurfaceError
 from mirror_cad.sections import SagDerivatives
-from mirror_cad.surfaces.bspline import basis_functions, dense_basis
+from mirror_cad.surfaces.basis import basis_functions, dense_basis
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from mirror_cad.errors import SurfaceError
-from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from mirror_cad.surfaces.basis import greville_abscissae
+from mirror_cad.surfaces.bspline import BSplineSurface
 
 Array = NDArray[np.float64]
 PointSet = Callable[[Array, Array], Array]

@@ -17,7 +17,8 @@ from mirror_cad.grid import Grid
 from mirror_cad.outline import Outline
 from mirror_cad.profile import Profile
 from mirror_cad.sections import DecoupledSag, SagDerivatives
-from mirror_cad.surfaces.bspline import BSplineSurface, dense_basis
+from mirror_cad.surfaces.basis import dense_basis
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height, graph, knot_vector
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 from mirror_cad.surfaces.fit import span_ends

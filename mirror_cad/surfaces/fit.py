@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mirror_cad.laws.curvature import Break
 from mirror_cad.sections import Sag, SagDerivatives
-from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from mirror_cad.surfaces.basis import greville_abscissae
+from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height, knot_vector
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
 

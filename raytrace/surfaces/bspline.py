@@ -23,7 +23,8 @@ from raytrace.kernels.pieces import Pieces
 from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
-from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, no_transition, with_trimming_of
+from raytrace.surfaces.base import RigidMotion, grid_points, no_inset, no_transition
+from raytrace.surfaces.bounded import BoundedFace, with_trimming_of
 from raytrace.surfaces.cut import inboard_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards

@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.surfaces.bspline import BSplineSurface, greville_abscissae
+from mirror_cad.surfaces.basis import greville_abscissae
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.kernels.cells import PADDED_POWERS, Cells
 from raytrace.kernels.height_field import HeightField
 from raytrace.kernels.parametric import Patches

@@ -14,7 +14,8 @@ from raytrace.kernels.quadrics import CYLINDER, PLANE, SPHERE, TURN, QuadricArra
 from raytrace.kernels.trees import NODES, tree_of
 from raytrace.parallel import parallel_for
 from raytrace.rays import Mask, Rays, Trace
-from raytrace.surfaces.base import BoundedFace, RigidMotion, with_trimming_of
+from raytrace.surfaces.base import RigidMotion
+from raytrace.surfaces.bounded import BoundedFace, with_trimming_of
 from raytrace.surfaces.pieces import BOX_MARGIN
 from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import STRIPS, Trimming
