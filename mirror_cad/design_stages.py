@@ -35,7 +35,7 @@ from mirror_cad.surfaces.convexity import check_convex, check_convex_surface
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 from mirror_cad.surfaces.faithful import RESIDUAL_CONTINUITY, Faithful, closest_surface
 from mirror_cad.surfaces.fit import Fit, FitTask
-from mirror_cad.surfaces.from_view import SplineSag, surface_from_view
+from mirror_cad.surfaces.from_view import surface_from_view
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
 from mirror_cad.surfaces.sphere import (
     SPHERE_CURVATURE_PERCENT,
@@ -44,6 +44,7 @@ from mirror_cad.surfaces.sphere import (
     SphericalSag,
     spherical_domain,
 )
+from mirror_cad.surfaces.spline_sag import SplineSag
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

@@ -28,7 +28,7 @@ from scipy.spatial import ConvexHull, QhullError
 from raytrace.errors import TraceError
 from raytrace.placement import Hand, Placement
 from raytrace.reflector import Reflector
-from raytrace.surfaces.base import AreaSamples
+from raytrace.surfaces.area_samples import AreaSamples
 from raytrace.trace import reflect
 
 Array = NDArray[np.float64]

@@ -22,6 +22,8 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height, graph, knot_vector
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 from mirror_cad.surfaces.fit import span_ends
+from mirror_cad.surfaces.quadrature import gauss_grid
+from mirror_cad.surfaces.spline_sag import SplineSag
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -33,9 +35,7 @@ LEVELS = ((4, 3), (6, 4), (8, 6), (12, 8))  # spans over the mirror's box, until
 # More spans gain nothing when the RMS falls by less than this in percentage points and by less than this share of it.
 GAIN_POINTS, GAIN_SHARE = 0.01, 0.1
 NOTHING_PERCENT = 1e-6  # an RMS below this is no deviation that any part or measurement could show
-GAUSS = 4  # points a span and direction
 COLUMNS = 16  # of the evaluation grid looked at together: their derivatives stay near a core
-SUBCELLS = 5  # a direction, to see how much of a Gauss point's cell lies inside the outline
 # Share of the least squares that the surface around the mirror has: without one, poles that only live there run away; more
 # would bend the mirror. It weighs the law at first, then only holds that part where the step before left it, so that what
 # it pulls at the mirror falls by this factor with each step.
@@ -74,14 +74,9 @@ class FaithfulSag:
 
     def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
         """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        if x.ndim == 2 and x.shape[1] == 1 and y.ndim == 1:
-            d = self.residual.on_grid(x[:, 0], y, component=2)
-        else:
-            d = {key: value[..., 2] for key, value in self.residual.derivatives(x, y).items()}
-        profile = self.profile
-        return SagDerivatives(profile.height(x) + d["s"], profile.slope(x) + d["u"], d["v"],
-                              profile.bend(x) + d["uu"], d["uv"], d["vv"])
+        x, profile = np.asarray(x, dtype=np.float64), self.profile
+        z, z_x, z_y, z_xx, z_xy, z_yy = SplineSag(self.residual).derivatives(x, y)
+        return SagDerivatives(profile.height(x) + z, profile.slope(x) + z_x, z_y, profile.bend(x) + z_xx, z_xy, z_yy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,9 +243,7 @@ class _Problem:
     def __init__(self, curvature: DesignedCurvature, outline: Outline, profile: Profile, residual: BSplineSurface,
                  ends: tuple[Array, Array]) -> None:
         self.residual = residual
-        x, weight_x = gauss_points(ends[0])
-        y, weight_y = gauss_points(ends[1])
-        inside = share_inside(outline, ends, weight_x, weight_y)
+        x, weight_x, y, weight_y, inside = gauss_grid(outline, ends)
         basis_x = dense_basis(residual.knots_u, residual.degree_u, x, 2)
         basis_y = dense_basis(residual.knots_v, residual.degree_v, y, 2)
         origin_x = dense_basis(residual.knots_u, residual.degree_u, np.zeros(1), 1)
@@ -350,28 +343,6 @@ def shape_operator_partials(p: Array, q: Array, r: Array, s: Array, t: Array) ->
     of_w12 = (q * t / (m2 * n2) - 2.0 * p / n2 * w12, p * t * (1.0 - q * q) / (m2**2 * n2) - 2.0 * q / n2 * w12,
               None, -1.0 / n2, pq / (m2 * n2))
     return of_w11, of_w22, of_w12
-
-
-def gauss_points(ends: Array) -> tuple[Array, Array]:
-    """Compute the Gauss-Legendre points and weights of every span between `ends`, rising."""
-    nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
-    half = 0.5 * np.diff(ends)[:, None]
-    middle = 0.5 * (ends[:-1] + ends[1:])[:, None]
-    return (middle + half * nodes).ravel(), (half * weights).ravel()
-
-
-def share_inside(outline: Outline, ends: tuple[Array, Array], weight_x: Array, weight_y: Array) -> Array:
-    """How much of each Gauss point's cell lies inside the outline, (m, n): the cells' widths are the weights.
-
-    A plain yes or no would let the surface bend freely in the cells that the outline cuts.
-    """
-    samples = []
-    for end, weight in ((ends[0], weight_x), (ends[1], weight_y)):
-        start = end[0] + np.concatenate([[0.0], np.cumsum(weight)[:-1]])
-        samples.append((start[:, None] + weight[:, None] * (np.arange(SUBCELLS) + 0.5) / SUBCELLS).ravel())
-    inside = outline.contains(*np.meshgrid(*samples, indexing="ij"))
-    result: Array = inside.reshape(len(weight_x), SUBCELLS, len(weight_y), SUBCELLS).mean(axis=(1, 3))
-    return result
 
 
 def _mirrored(y: Array) -> bool:

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from mirror_cad.errors import SurfaceError
 from mirror_cad.outline import Outline
-from mirror_cad.sections import SagDerivatives
 from mirror_cad.surfaces.basis import dense_basis, greville_abscissae
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import graph, knot_vector
-from mirror_cad.surfaces.faithful import MAX_POLES, gauss_points, share_inside, spans_with_margin
+from mirror_cad.surfaces.faithful import MAX_POLES, spans_with_margin
+from mirror_cad.surfaces.quadrature import gauss_grid
 from mirror_cad.wanted_view import WantedView, WeightMap, on_plane
 
 Array = NDArray[np.float64]
@@ -44,26 +44,6 @@ MIN_WEIGHT = 1e-9  # of the largest: what counts less is no part of the mirror, 
 RIDGE = 1e-13
 STEEPEST = 5.7  # of a slope, 80°: beyond, a sheet over (x, y) is no description of a mirror
 TRUSTED_SLOPE = 0.5  # a step may change slopes by this at most: reflection is far from linear beyond
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SplineSag:
-    """z(x, y) of a B-spline with u = x, v = y."""
-
-    surface: BSplineSurface
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """z at (x, y), mm, broadcast."""
-        return self.derivatives(x, y).z
-
-    def derivatives(self, x: ArrayLike, y: ArrayLike) -> SagDerivatives:
-        """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        if x.ndim == 2 and x.shape[1] == 1 and y.ndim == 1:
-            d = self.surface.on_grid(x[:, 0], y, component=2)
-        else:
-            d = {key: value[..., 2] for key, value in self.surface.derivatives(x, y).items()}
-        return SagDerivatives(d["s"], d["u"], d["v"], d["uu"], d["uv"], d["vv"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,9 +186,7 @@ class _Problem:
     def __init__(self, view: WantedView, eyes: Sequence[Array], outline: Outline, knots: tuple[Array, Array],
                  ends: tuple[Array, Array], degree: int, weight: WeightMap | None) -> None:
         self.view, self.eyes, self.knots, self.degree = view, eyes, knots, degree
-        x, weight_x = gauss_points(ends[0])
-        y, weight_y = gauss_points(ends[1])
-        share = share_inside(outline, ends, weight_x, weight_y)
+        x, weight_x, y, weight_y, share = gauss_grid(outline, ends)
         counts = np.ones_like(share) if weight is None else _counts(weight, x, y, share)
         share = np.where(counts > 0.0, share, 0.0)
         basis_x, basis_y = dense_basis(knots[0], degree, x, 1), dense_basis(knots[1], degree, y, 1)

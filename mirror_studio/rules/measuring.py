@@ -21,8 +21,7 @@ from raytrace.measures.eye_fields import extent, eye_fields
 from raytrace.measures.ghost import Ghost, ghost, reflectance
 from raytrace.measures.ground import side_of
 from raytrace.reflector import Reflector
-from raytrace.surfaces.base import box_of_points
-from raytrace.surfaces.bounded import BoundedFace
+from raytrace.surfaces.base import BoundedFace, box_of_points
 from raytrace.surfaces.cut import outboard_of
 from raytrace.viewing.eye_views import EyeViews
 from raytrace.viewing.pose import Pose

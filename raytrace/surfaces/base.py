@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, Self
+from functools import cached_property
+from typing import Literal, Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
 from raytrace.kernels.sheet import Sheet
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
+from raytrace.surfaces.area_samples import AreaSamples
 from raytrace.surfaces.differentials import reflected_differentials, traced_differentials
-from raytrace.surfaces.rim import Curve
-
-if TYPE_CHECKING:
-    from raytrace.surfaces.bounded import BoundedFace
+from raytrace.surfaces.rim import Curve, rim_of
+from raytrace.surfaces.trimming import Trimming
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -65,32 +64,6 @@ class GlassPlate(Protocol):
 
     def uncoated(self) -> OpticalSurface:
         """The back alone."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AreaSamples:
-    """Points on what reflects, that tell its side and size.
-
-    Attributes
-    ----------
-    points : (n, 3), mm.
-    areas : (n, 3), mm², area times outward normal around each.
-    owner : (n,), the number of the face that each is on.
-    """
-
-    points: Array
-    areas: Array
-    owner: NDArray[np.intp]
-
-    @property
-    def sizes(self) -> Array:
-        """Areas (n,), mm²."""
-        result: Array = np.linalg.norm(self.areas, axis=1)
-        return result
-
-    def those(self, wanted: Mask) -> AreaSamples:
-        """Those of a mask (n,)."""
-        return AreaSamples(self.points[wanted], self.areas[wanted], self.owner[wanted])
 
 
 class OpticalSurface(ABC):
@@ -369,6 +342,83 @@ class OpticalSurface(ABC):
     def prepared(self) -> Self:
         """Itself, with what tracing needs of it made now: in the process that reads it, say."""
         return self
+
+
+class BoundedFace(OpticalSurface):
+    """A face S(u, v) cut from a sheet, whose rim is known piece by piece in its parameters."""
+
+    @abstractmethod
+    def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Points (…, 3), mm."""
+
+    @property
+    @abstractmethod
+    def parameter_limits(self) -> tuple[Array, Array]:
+        """The least and the greatest (u, v) at which rays meet the surface, (2,) each."""
+
+    loops: tuple[Array, ...]
+    sign: float
+    one_sided: bool
+
+    @property
+    @abstractmethod
+    def trimming(self) -> Trimming:
+        """Its loops as the kernels take them."""
+
+    @cached_property
+    def rim(self) -> tuple[Curve, ...]:
+        """The curves that bound it."""
+        return rim_of(self.evaluate, self.loops)
+
+    @property
+    def bounding_faces(self) -> tuple[BoundedFace, ...]:
+        """Itself."""
+        return (self,)
+
+    @property
+    def extends(self) -> bool:
+        """It does: its sheet is known."""
+        return True
+
+    @property
+    def edge_inset(self) -> float:
+        """EDGE_INSET: the sheet goes on beyond."""
+        return EDGE_INSET
+
+    @property
+    def looks_outward(self) -> bool:
+        """Whether it is one-sided."""
+        return self.one_sided
+
+    @abstractmethod
+    def two_sided(self) -> BoundedFace:
+        """The same face, reflecting on both sides."""
+
+    def area_samples(self) -> AreaSamples:
+        """Middles of the cells of a grid in (u, v) that lie inside the loops, or of all where none does."""
+        u_min, u_max, v_min, v_max = self.trimming.box
+        u, v = np.linspace(u_min, u_max, CELLS + 1), np.linspace(v_min, v_max, CELLS + 1)
+        s = self.evaluate(u[:, None], v[None, :])
+        at_u, at_v = (each.ravel() for each in np.meshgrid(0.5 * (u[1:] + u[:-1]), 0.5 * (v[1:] + v[:-1]), indexing="ij"))
+        areas = 0.5 * self.sign * np.cross(s[1:, 1:] - s[:-1, :-1], s[:-1, 1:] - s[1:, :-1]).reshape(-1, 3)
+        inside = self.trimming.contains(at_u, at_v)
+        if not inside.any():
+            inside[:] = True
+        return AreaSamples(self.evaluate(at_u[inside], at_v[inside]), areas[inside], np.zeros(int(inside.sum()), dtype=np.intp))
+
+    def one_side(self, samples: AreaSamples, side: Mask) -> tuple[OpticalSurface, Array]:
+        """All of it, with the points of its rim."""
+        return self.two_sided(), np.concatenate([*(curve.points for curve in self.rim), samples.points[side]])
+
+
+Face = TypeVar("Face", bound=BoundedFace)
+
+
+def with_trimming_of(face: BoundedFace, again: Face) -> Face:
+    """The second face, with what the first has made of the loops that both have: sorting them takes as long as reading."""
+    if "trimming" in vars(face):
+        vars(again)["trimming"] = face.trimming
+    return again
 
 
 def no_inset(margin_mm: float) -> TraceError:

@@ -23,14 +23,12 @@ from raytrace.kernels.pieces import Pieces
 from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.parallel import parallel_for
 from raytrace.rays import Rays, Status, Trace
-from raytrace.surfaces.base import RigidMotion, grid_points, no_inset, no_transition
-from raytrace.surfaces.bounded import BoundedFace, with_trimming_of
+from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_inset, no_transition, with_trimming_of
 from raytrace.surfaces.cut import inboard_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
 from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.polynomials import height_field_of, is_graph, patches_of
-from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import Trimming
 
 Array = NDArray[np.float64]
@@ -120,11 +118,6 @@ class BSplineFace(BoundedFace):
             return surface_points(sheet, np.stack([at_u.ravel(), at_v.ravel()], axis=1))[:, :3].reshape(*at_u.shape, 3)
         u_min, u_max, v_min, v_max = self.surface.domain
         return self.surface.evaluate(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
-
-    @cached_property
-    def rim(self) -> tuple[Curve, ...]:
-        """The curves that bound it."""
-        return rim_of(self.evaluate, self.loops)
 
     def outline(self) -> Array:
         """Points (n, 3), mm, of its rim, and of where it bulges beyond that in x or y."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from raytrace.kernels.pieces import Pieces
 from raytrace.kernels.quadrics import Quadrics
 from raytrace.rays import Mask, Rays, Trace
-from raytrace.surfaces.base import AreaSamples, OpticalSurface, RigidMotion
-from raytrace.surfaces.bounded import BoundedFace
+from raytrace.surfaces.area_samples import AreaSamples
+from raytrace.surfaces.base import BoundedFace, OpticalSurface, RigidMotion
 from raytrace.surfaces.bspline import BSplineFace, search_pieces
 from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.quadric import FEW, QuadricFace, first_of_quadrics, quadrics_of

@@ -13,7 +13,8 @@ from mirror_cad.mesh import SurfaceMesh
 from raytrace.embree import TriangleScene
 from raytrace.kernels.mesh_normals import corner_normals, interpolated_normals
 from raytrace.rays import Mask, NormalsFrom, Rays, Status, Trace
-from raytrace.surfaces.base import AreaSamples, OpticalSurface, RigidMotion
+from raytrace.surfaces.area_samples import AreaSamples
+from raytrace.surfaces.base import OpticalSurface, RigidMotion
 from raytrace.surfaces.differentials import traced_differentials
 
 Array = NDArray[np.float64]

@@ -14,7 +14,8 @@ from raytrace.kernels import glass
 from raytrace.kernels.glass import Sheets
 from raytrace.kernels.order import SortingGrid
 from raytrace.rays import Index, Mask, Rays, Status, Trace
-from raytrace.surfaces.base import AreaSamples, Box, OpticalSurface, RigidMotion, no_inset, no_transition
+from raytrace.surfaces.area_samples import AreaSamples
+from raytrace.surfaces.base import Box, OpticalSurface, RigidMotion, no_inset, no_transition
 from raytrace.surfaces.bspline import BSplineFace, run
 from raytrace.surfaces.faces import Face
 from raytrace.surfaces.rim import Curve

@@ -14,10 +14,8 @@ from raytrace.kernels.quadrics import CYLINDER, PLANE, SPHERE, TURN, QuadricArra
 from raytrace.kernels.trees import NODES, tree_of
 from raytrace.parallel import parallel_for
 from raytrace.rays import Mask, Rays, Trace
-from raytrace.surfaces.base import RigidMotion
-from raytrace.surfaces.bounded import BoundedFace, with_trimming_of
+from raytrace.surfaces.base import BoundedFace, RigidMotion, with_trimming_of
 from raytrace.surfaces.pieces import BOX_MARGIN
-from raytrace.surfaces.rim import Curve, rim_of
 from raytrace.surfaces.trimming import STRIPS, Trimming
 
 Array = NDArray[np.float64]
@@ -50,11 +48,6 @@ class QuadricFace(BoundedFace):
     def trimming(self) -> Trimming:
         """The loops as the kernels take them."""
         return Trimming.of(self.loops, min(max(STRIPS, sum(map(len, self.loops)) // 4), MAX_STRIPS))
-
-    @cached_property
-    def rim(self) -> tuple[Curve, ...]:
-        """The curves that bound it."""
-        return rim_of(self.quadric.evaluate, self.loops)
 
     def outline(self) -> Array:
         """Points (n, 3), mm, of its rim, and of a sphere where it bulges beyond that: between which it lies in x, y and z."""

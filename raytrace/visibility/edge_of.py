@@ -13,7 +13,7 @@ from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.kernels.sheet_rim import Rim
 from raytrace.rays import Status
 from raytrace.reflector import Reflector
-from raytrace.surfaces.bounded import BoundedFace
+from raytrace.surfaces.base import BoundedFace
 from raytrace.surfaces.rim import AROUND, Evaluate
 from raytrace.trace import OBSTACLE_MARGIN_MM, reflect
 from raytrace.viewing.view import View
