@@ -10,7 +10,8 @@ from mirror_cad.design_stages import design
 from mirror_cad.laws.matched import with_solved
 from mirror_cad.spec import MirrorSpec
 from mirror_studio.drive.measured import MainFigures
-from mirror_studio.drive.mirrors import DrivenMirror, exported
+from mirror_studio.drive.mirrors import DrivenMirror
+from raytrace.reflector import Reflector
 from raytrace.viewing.bezel import visible_aperture
 
 TURN_DEG, RADII = 1.0, 0.05  # what a driver's hand and a glass maker's tolerance are good for
@@ -29,7 +30,8 @@ def sensitivity(mirror: DrivenMirror, figures: Callable[[DrivenMirror], MainFigu
             found[f"{name} {word}{TURN_DEG:g}°"] = figures(mirror.turned(sign * yaw, sign * pitch))
     if mirror.spec is not None and mirror.spec.has_laws:
         for sign, word in ((1.0, "+"), (-1.0, "−")):
-            whole = exported(with_radii(mirror.spec, 1.0 + sign * RADII))
+            # No file of it is given to anybody: the surface of a file is the design's to 1e-11 mm.
+            whole = Reflector.from_mirror(design(with_radii(mirror.spec, 1.0 + sign * RADII)))
             other = replace(mirror, whole=whole, reflector=visible_aperture(whole, over_mm))
             found[f"R {word}{100 * RADII:g} %"] = figures(other)
     return found

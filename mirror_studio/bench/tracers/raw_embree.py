@@ -54,6 +54,9 @@ def embree(mesh: Mesh, rays: Rays, interpolated: bool) -> Work:
         out[part][triangle < 0] = np.nan
 
     def work() -> NDArray[Any]:
+        if len(directions) <= CHUNK:
+            chunk(0)
+            return out
         list(pool.map(chunk, range(0, len(directions), CHUNK)))
         return out
 
