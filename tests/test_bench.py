@@ -18,7 +18,7 @@ from mirror_cad.profile import integrate_ode
 from mirror_cad.sections import DecoupledSag
 from mirror_cad.surfaces.collocation import collocate_height, knot_vector
 from mirror_cad.surfaces.differential import principal_curvatures_of, shape_operator, shape_operator_of_sag
-from mirror_studio.bench import evaluation, integrators, measuring, surfaces, tessellation
+from mirror_studio.bench import evaluation, integrators, measuring, surfaces, tessellation, waits
 from mirror_studio.bench.integrators import Case
 from mirror_studio.bench.measuring import convergence
 from mirror_studio.bench.tracers.tracer import AbsentError
@@ -234,3 +234,9 @@ def test_a_rate_beside_a_peer_that_is_absent_says_why() -> None:
     assert row["ours"] >= 1000.0  # µs
     assert row["theirs"] >= 3000.0
     assert row["ratio"] > 1.0
+
+
+def test_a_design_with_all_its_measures_is_timed_whole() -> None:
+    row = waits.evaluation(runs=1)
+    assert 0.0 < row["ours"] < 5_000.0
+    assert int(row["note"].split()[0]) > 25  # figures that a mirror on the motorway has
