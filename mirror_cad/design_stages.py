@@ -30,13 +30,13 @@ from mirror_cad.profile import (
 )
 from mirror_cad.sections import DecoupledSag, Sag, check_circles, check_steps, existing_half_height
 from mirror_cad.spec import MirrorSpec, Target
-from mirror_cad.surfaces import fit as fitting
 from mirror_cad.surfaces.convexity import check_convex, check_convex_surface
 from mirror_cad.surfaces.differential import shape_operator_of_sag
 from mirror_cad.surfaces.faithful import RESIDUAL_CONTINUITY, Faithful, closest_surface
-from mirror_cad.surfaces.fit import Fit, FitTask
+from mirror_cad.surfaces.fit import Fit, FitTask, fit_by_collocation
 from mirror_cad.surfaces.from_view import surface_from_view
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev, approximate
+from mirror_cad.surfaces.spans import DECOUPLED_CONTINUITY, FAITHFUL_CONTINUITY, orders_at_breaks
 from mirror_cad.surfaces.sphere import (
     SPHERE_CURVATURE_PERCENT,
     SPHERE_DEGREE,
@@ -171,7 +171,7 @@ def _decoupled(spec: MirrorSpec, laws: _Laws, series: _Series) -> tuple[Designed
 
 def _faithful(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, exact: DecoupledSag, domain: Box,
               breaks: Breaks) -> _Model:
-    continuity = fitting.orders_at_breaks(*breaks, RESIDUAL_CONTINUITY, domain[1] - domain[0])
+    continuity = orders_at_breaks(*breaks, RESIDUAL_CONTINUITY, domain[1] - domain[0])
     found = closest_surface(designed, outline, exact, domain, continuity, spec.surface.degree, spec.surface.spans)
     return _Model(found.sag, found.sag, found)
 
@@ -179,18 +179,18 @@ def _faithful(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, e
 def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, model: _Model, domain: Box,
             breaks: Breaks) -> Fit:
     surface, faithful, rms = spec.surface, model.faithful, designed.rms(outline)
-    continuity, ends, degree = fitting.DECOUPLED_CONTINUITY, None, surface.degree
+    continuity, ends, degree = DECOUPLED_CONTINUITY, None, surface.degree
     if faithful is not None:
-        continuity, ends, degree = fitting.FAITHFUL_CONTINUITY, faithful.ends, faithful.degree
+        continuity, ends, degree = FAITHFUL_CONTINUITY, faithful.ends, faithful.degree
     position_mm, percent = surface.position_tolerance_mm, surface.curvature_tolerance_percent
     if surface.method == "sphere" and surface.fit == "collocation" and surface.spans == "auto":
         position_mm, percent = min(position_mm, SPHERE_POSITION_MM), min(percent, SPHERE_CURVATURE_PERCENT)
         degree = SPHERE_DEGREE if degree == "auto" else degree
     task = FitTask(model.integrated, domain, outline.bounding_box(),
-                   fitting.orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
+                   orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
                    lambda x: designed.percent_of(x, rms), position_mm, percent, ends)
     if surface.fit == "collocation":
-        return fitting.fit_by_collocation(task, degree, surface.spans)
+        return fit_by_collocation(task, degree, surface.spans)
     from mirror_cad.occt.fit import fit_by_kernel
 
     return fit_by_kernel(task, surface.fit)

@@ -7,7 +7,8 @@ import pytest
 
 from mirror_cad.surfaces.differential import ShapeOperator
 from mirror_cad.surfaces.faithful import spans_with_margin
-from mirror_cad.surfaces.fit import curvature_percent, span_ends
+from mirror_cad.surfaces.fit import curvature_percent
+from mirror_cad.surfaces.spans import span_ends
 from tests.conftest import constant, spec_of
 from tests.test_faithful import faithful
 

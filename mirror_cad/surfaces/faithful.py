@@ -21,8 +21,8 @@ from mirror_cad.surfaces.basis import dense_basis
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height, graph, knot_vector
 from mirror_cad.surfaces.differential import shape_operator_of_sag
-from mirror_cad.surfaces.fit import span_ends
 from mirror_cad.surfaces.quadrature import gauss_grid
+from mirror_cad.surfaces.spans import span_ends
 from mirror_cad.surfaces.spline_sag import SplineSag
 
 Array = NDArray[np.float64]

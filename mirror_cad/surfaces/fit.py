@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.laws.curvature import Break
 from mirror_cad.sections import Sag, SagDerivatives
 from mirror_cad.surfaces.basis import greville_abscissae
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height, knot_vector
 from mirror_cad.surfaces.differential import ShapeOperator, principal_curvatures_of, shape_operator, shape_operator_of_sag
+from mirror_cad.surfaces.spans import MAX_SOFT_BREAKS, MAX_SPANS, cut_spans, parts_of_each, span_ends, too_many
 
 Array = NDArray[np.float64]
 
@@ -24,28 +24,12 @@ INSIDE_SPAN = np.array([0.06, 0.29, 0.5, 0.71, 0.94])
 # Points a direction at which a fit is looked at, at least. Along x the percent has peaks a few millimetres wide where a
 # curvature passes through zero; along y what counts as 100 % does not change.
 DENSEST_X, DENSEST_Y = 150, 30
-# More soft breaks (a table's nodes) than this are left to the refinement at first: a knot at each would only slow it, unless
-# the table is so rough that nothing less will do.
-MAX_SOFT_BREAKS = 64
-# Two breaks within this share of the width (0.003 mm on a mirror) are one: on a span between them the rounding of z, some
-# 50·ε·|z|/h², would be more than 0.01 % of the curvature.
-NEAREST_BREAKS = 1e-5
-# Derivatives of z more than of κ₁ and κ₂ that stay continuous at a break: the decoupled surface holds κ₂ itself.
-DECOUPLED_CONTINUITY, FAITHFUL_CONTINUITY = (2, 0), (2, 2)
 # Beyond the mirror the sheet may miss by ten times the tolerances: an error there reaches inside through the smooth knots.
 OUTSIDE_SHARE = 0.1
-MAX_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
-MAX_PATCHES = 10_000  # in all: seconds of work for each try, and more than a kernel likes
 # The spans are cut until the points looked at stay below this share of the tolerances: others may be a little worse.
 TARGET_FRACTION = 0.7
 ROUNDS = 24
 FIRST_SPANS = (8, 4)
-# A span that misses is cut into as many parts as its error asks for by the order of convergence, with some room for what
-# the neighbours add; not more than this at once, since far from the tolerance the order is not reached yet.
-SAFETY_FACTOR, MAX_PARTS = 1.15, 6
-# A span is at most so many times as wide as its neighbour: through smooth knots the error of wide spans reaches into narrow
-# ones, and the second derivative divides it by their width squared.
-STEEPEST_GRADE = 4.0
 # Points this near to where the design's curvature is smallest are looked at besides: there the percent has its peaks.
 SMALL_CURVATURE, MAX_SMALL = 0.05, 100
 DEGREE_FIRST, DEGREE_THEN = 5, 7  # "auto": quintic, and septic where quintic wants more than MANY_SPANS
@@ -127,39 +111,6 @@ class FitTask:
         return small[:: max(1, -(-len(small) // MAX_SMALL))]
 
 
-def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], continuity: tuple[int, int],
-                     width_mm: float) -> tuple[tuple[float, int], ...]:
-    """Continuous x-derivatives of a surface at each break of its laws.
-
-    Breaks too near for a span between them are one: seen from afar that is two orders harder.
-
-    Parameters
-    ----------
-    horizontal, vertical : sequence of Break
-        Of κ₁ and of κ₂.
-    continuity : tuple
-        How many derivatives more than of κ₁ and of κ₂ stay continuous.
-    width_mm : float
-        Of the sheet.
-
-    Returns
-    -------
-    tuple
-        (x, continuous derivatives) of each break.
-    """
-    order: dict[float, int] = {}
-    for breaks, more in zip((horizontal, vertical), continuity, strict=True):
-        for b in breaks:
-            order[b.x_mm] = min(order.get(b.x_mm, 99), b.smoothness + more)
-    kept: list[tuple[float, int]] = []
-    for x, derivatives in sorted(order.items()):
-        if kept and x - kept[-1][0] <= NEAREST_BREAKS * width_mm:
-            kept[-1] = (kept[-1][0], max(min(kept[-1][1], derivatives) - 2, 0))
-        else:
-            kept.append((x, derivatives))
-    return tuple(kept)
-
-
 # --- the choice of degree and spans ----------------------------------------------------------------------------------
 
 
@@ -191,43 +142,6 @@ def fit_by_collocation(task: FitTask, degree: int | str, spans: tuple[int, int] 
     return replace(fit, seconds=time.perf_counter() - start)
 
 
-def span_ends(low: float, high: float, breaks: Sequence[tuple[float, int]], degree: int, count: int,
-              most_soft: int = MAX_SOFT_BREAKS) -> Array:
-    """Share out spans between low and high over the stretches between breaks, by their length.
-
-    Parameters
-    ----------
-    low, high : float
-        mm.
-    breaks : sequence
-        (x, continuous derivatives).
-    degree : int
-        Of the splines.
-    count : int
-        Of spans, at least.
-    most_soft : int
-        Where there are more breaks than this, those of a table's nodes get no knots.
-
-    Returns
-    -------
-    ndarray
-        (n + 1,), rising, mm.
-    """
-    nearest = NEAREST_BREAKS * (high - low)
-    hard = [(x, order) for x, order in breaks if order < degree and low + nearest < x < high - nearest]
-    if len(hard) > most_soft:
-        hard = [(x, order) for x, order in hard if order < 4]
-    if len(hard) > MAX_SPANS:  # a table far finer than spans may be: its nodes cannot be held one by one
-        hard = []
-    corners = [low, *(x for x, _ in hard), high]
-    lengths = np.diff(corners)
-    shares = np.ones(len(lengths), dtype=int)
-    while shares.sum() < count:
-        shares[np.argmax(lengths / shares)] += 1
-    parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(corners[:-1], corners[1:], shares, strict=True)]
-    return np.concatenate([*parts, [high]])
-
-
 def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft: int = MAX_SOFT_BREAKS) -> Fit:
     x_min, x_max, y_min, y_max = task.domain
     nx, ny = FIRST_SPANS if isinstance(spans, str) else spans
@@ -241,8 +155,8 @@ def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft:
     for _ in range(ROUNDS):
         if _excess(task, fit) <= TARGET_FRACTION:
             return fit
-        next_x, next_y = _cut(ends_x, misses.parts_x, narrowest), _cut(ends_y, misses.parts_y, narrowest)
-        if _too_many(next_x, next_y) or (len(next_x), len(next_y)) == (len(ends_x), len(ends_y)):
+        next_x, next_y = cut_spans(ends_x, misses.parts_x, narrowest), cut_spans(ends_y, misses.parts_y, narrowest)
+        if too_many(next_x, next_y) or (len(next_x), len(next_y)) == (len(ends_x), len(ends_y)):
             break
         ends_x, ends_y = next_x, next_y
         fit, misses = _try(task, ends_x, ends_y, degree)
@@ -250,11 +164,11 @@ def _refine(task: FitTask, degree: int, spans: tuple[int, int] | str, most_soft:
     for _ in range(ROUNDS):
         if _excess(task, fit) <= TARGET_FRACTION:
             break
-        more_x = _cut(ends_x, np.where(misses.over_x, 2, 1), narrowest)
-        more_y = _cut(ends_y, np.full(len(ends_y) - 1, 2), narrowest)
+        more_x = cut_spans(ends_x, np.where(misses.over_x, 2, 1), narrowest)
+        more_y = cut_spans(ends_y, np.full(len(ends_y) - 1, 2), narrowest)
         trials = [(*_try(task, trial_x, trial_y, degree), trial_x, trial_y)
                   for trial_x, trial_y in ((more_x, ends_y), (ends_x, more_y), (more_x, more_y))
-                  if (len(trial_x), len(trial_y)) != (len(ends_x), len(ends_y)) and not _too_many(trial_x, trial_y)]
+                  if (len(trial_x), len(trial_y)) != (len(ends_x), len(ends_y)) and not too_many(trial_x, trial_y)]
         if not trials:
             break
         best = min(trials, key=lambda trial: _excess(task, trial[0]))
@@ -303,8 +217,8 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
     # Spans that touch the judged edges count in full: across a break only few derivatives are continuous, but those are.
     near = (ends_x[span_x + 1] >= x_min) & (ends_x[span_x] <= x_max)
     per_x = along_x * np.where(near, 1.0, OUTSIDE_SHARE ** (1.0 / (degree - 1)))
-    parts_x = _most_of_each(per_x, span_x, len(ends_x) - 1)
-    parts_y = _most_of_each(along_y, span_y, len(ends_y) - 1)
+    parts_x = parts_of_each(per_x, span_x, len(ends_x) - 1)
+    parts_y = parts_of_each(along_y, span_y, len(ends_y) - 1)
 
     rows = np.flatnonzero(judged)
     block = (rows[:, None], np.flatnonzero((inside_y >= y_min) & (inside_y <= y_max)))
@@ -344,38 +258,6 @@ def _parts(position: Array, bend: Array | None, axis: int, task: FitTask, degree
     """Parts that the largest errors along an axis ask for: position falls with h^(p+1), curvature with h^(p−1)."""
     parts: Array = (position.max(axis=axis) / task.position_tolerance_mm) ** (1.0 / (degree + 1))
     return parts if bend is None else np.maximum(parts, bend.max(axis=axis) ** (1.0 / (degree - 1)))
-
-
-def _most_of_each(parts: Array, span: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    largest = np.zeros(count)
-    np.maximum.at(largest, span, parts)
-    asked = np.where(largest > 1.0, np.maximum(np.ceil(SAFETY_FACTOR * largest), 2.0), 1.0)
-    return np.minimum(asked, MAX_PARTS).astype(np.int64)
-
-
-def _cut(ends: Array, parts: NDArray[np.int64], narrowest: float) -> Array:
-    """The span ends with each span cut into its parts, as far as those are not too narrow to gain from, and graded."""
-    widths = np.diff(ends)
-    parts = np.clip(parts, 1, np.maximum((widths / narrowest).astype(np.int64), 1))
-    if np.all(parts == 1):
-        return ends
-    cut = _divided(ends, parts)
-    while True:
-        widths = np.diff(cut)
-        before, after = np.concatenate([widths[:1], widths[:-1]]), np.concatenate([widths[1:], widths[-1:]])
-        steep = widths > STEEPEST_GRADE * np.minimum(before, after)
-        if not steep.any():
-            return cut
-        cut = _divided(cut, np.where(steep, 2, 1))
-
-
-def _divided(ends: Array, parts: NDArray[np.int64]) -> Array:
-    return np.concatenate([*(a + w * np.arange(n) / n for a, w, n in zip(ends[:-1], np.diff(ends), parts, strict=True)),
-                           ends[-1:]])
-
-
-def _too_many(ends_x: Array, ends_y: Array) -> bool:
-    return max(len(ends_x), len(ends_y)) > MAX_SPANS or len(ends_x) * len(ends_y) > MAX_PATCHES
 
 
 def _narrowest_span(task: FitTask, surface: BSplineSurface) -> float:
