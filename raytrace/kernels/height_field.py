@@ -99,6 +99,32 @@ def _evaluate_apart(powers, cells, w):
 
 
 @compiled(fastmath={"contract"}, inline="always")
+def _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w):
+    """`_evaluate` for rays over cells (i_low, j_low) to (i_high, j_high): each keeps the last that starts before it."""
+    flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
+    x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
+    covered = (i_high - i_low + 1) * (j_high - j_low + 1)
+    if covered > MAX_CELLS:
+        _evaluate_apart(powers, cells, w)
+        return
+    for i in range(i_low, i_high + 1):
+        for j in range(j_low, j_high + 1):
+            base = (i * (ends_y.size - 2) + j) * powers * powers
+            _evaluate(powers, flat, base, cells.middle_u[i], cells.middle_v[j], x_min, x_max, y_min, y_max, w)
+            if covered > 1:
+                from_x = ends_x[i] if i > i_low else -np.inf
+                from_y = ends_y[j] if j > j_low else -np.inf
+                for m in range(BLOCK):
+                    mine = (w[X + m] >= from_x) & (w[Y + m] >= from_y)
+                    w[V0 + m] = w[Z + m] if mine else w[V0 + m]
+                    w[V1 + m] = w[ZX + m] if mine else w[V1 + m]
+                    w[V2 + m] = w[ZY + m] if mine else w[V2 + m]
+    if covered > 1:
+        for m in range(BLOCK):
+            w[Z + m], w[ZX + m], w[ZY + m] = w[V0 + m], w[V1 + m], w[V2 + m]
+
+
+@compiled(fastmath={"contract"}, inline="always")
 def heights(powers, cells, w):
     """z, z_x, z_y at (X, Y) into the rows Z, ZX, ZY, for a block of rays that need not lie in one cell."""
     ends_x, ends_y = cells.ends_u, cells.ends_v
@@ -108,11 +134,7 @@ def heights(powers, cells, w):
     i_high = span(clamp(x_high, x_min, x_max), ends_x, cells.lookup_u)
     j_low = span(clamp(y_low, y_min, y_max), ends_y, cells.lookup_v)
     j_high = span(clamp(y_high, y_min, y_max), ends_y, cells.lookup_v)
-    if i_low == i_high and j_low == j_high:
-        base = (i_low * (ends_y.size - 2) + j_low) * powers * powers
-        _evaluate(powers, cells.coefficients, base, cells.middle_u[i_low], cells.middle_v[j_low], x_min, x_max, y_min, y_max, w)
-    else:
-        _evaluate_apart(powers, cells, w)
+    _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -158,7 +180,7 @@ def _kernel(powers):
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
     def hits(w, q, state, field, strips, origins, directions, results):
         cells, steepest = field.cells, field.steepest
-        flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
+        ends_x, ends_y = cells.ends_u, cells.ends_v
         n_rays = directions.size // 3
         last_x, last_y = ends_x.size - 3, ends_y.size - 3
         x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
@@ -224,25 +246,7 @@ def _kernel(powers):
                         cell_right = ends_x[i_low + 1] if i_low < last_x else np.inf
                         cell_bottom = ends_y[j_low] if j_low > 0 else -np.inf
                         cell_top = ends_y[j_low + 1] if j_low < last_y else np.inf
-                if covered > MAX_CELLS:
-                    _evaluate_apart(powers, cells, w)
-                else:
-                    for i in range(i_low, i_high + 1):
-                        for j in range(j_low, j_high + 1):
-                            base = (i * (last_y + 1) + j) * powers * powers
-                            _evaluate(powers, flat, base, cells.middle_u[i], cells.middle_v[j], x_min, x_max, y_min,
-                                      y_max, w)
-                            if covered > 1:  # each ray keeps the last cell that starts before it
-                                from_x = ends_x[i] if i > i_low else -np.inf
-                                from_y = ends_y[j] if j > j_low else -np.inf
-                                for m in range(BLOCK):
-                                    mine = (w[X + m] >= from_x) & (w[Y + m] >= from_y)
-                                    w[V0 + m] = w[Z + m] if mine else w[V0 + m]
-                                    w[V1 + m] = w[ZX + m] if mine else w[V1 + m]
-                                    w[V2 + m] = w[ZY + m] if mine else w[V2 + m]
-                    if covered > 1:
-                        for m in range(BLOCK):
-                            w[Z + m], w[ZX + m], w[ZY + m] = w[V0 + m], w[V1 + m], w[V2 + m]
+                _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
                 moving = 0
                 for m in range(BLOCK):
                     above = w[OZ + m] + w[T + m] * w[DZ + m] - w[Z + m]
