@@ -233,8 +233,10 @@ def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
 # Tables have rows of inputs, and files buttons.
 WITHOUT_CONTROL = {f"{law}.{key}" for law in ("horizontal", "vertical") for key in ("x_mm", "curvature_per_mm", "file")}
 WITHOUT_CONTROL |= {f"vertical.{key}" for key in ("level_at", "span_mm", "match.sphere_mm", "match.h_fov_deg")}  # refused there
-# A mirror from a view is made from its file, not on the page.
-WITHOUT_CONTROL |= {f"target.{key}" for key in ("projection", "azimuth_deg", "elevation_deg", "x_mm", "y_mm", "eye", "convex")}
+# A wanted view is drawn over the picture; what else it has is the file's.
+WITHOUT_CONTROL |= {f"target.{key}" for key in ("projection", "azimuth_deg", "elevation_deg", "x_mm", "y_mm", "eye", "convex",
+                                               "file")}
+WITHOUT_CONTROL |= {f"target.weight.{key}" for key in ("x_mm", "y_mm", "weight", "file")}
 # The panel of rules has what is asked for (tests/test_studio_rules.py); the spherometer's legs are the file's.
 WITHOUT_CONTROL |= {f"rules.{key}" for key in (
     "rule", "class", "leg_mm", "reflectance_percent", "reflectance_night_percent")}
