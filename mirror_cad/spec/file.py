@@ -151,7 +151,8 @@ def _read_text(path: Path, names: list[str], kind: str) -> str:
         return path.read_text("utf-8-sig")
     except FileNotFoundError:
         near = difflib.get_close_matches(str(path), names, n=1, cutoff=0.5)
-        hint = f"; did you mean the {kind} {near[0]!r}?" if near else f"; the {kind}s are {', '.join(names)}"
+        plural = kind[:-1] + "ies" if kind.endswith("y") else f"{kind}s"
+        hint = f"; did you mean the {kind} {near[0]!r}?" if near else f"; the {plural} are {', '.join(names)}"
         raise SpecError(f"{path}: no such file or {kind}{hint}") from None
     except UnicodeDecodeError as error:
         raise SpecError(f"{path}: not a text file (byte {error.start} is no UTF-8): a specification is TOML") from None
