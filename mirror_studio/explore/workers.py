@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 FEW = 12  # designs that are done before a cluster of processes has started
 MEMORY = "2GiB"  # of a worker: a design takes some hundred MB
-KEPT_BYTES = 1 << 28  # of a worker's memory that is used again, and not given back
 DEATHS = 3  # of workers, on one design, before it is left
 PAUSE_S, LOOK_S = 0.02, 5.0  # between looks for rows that are done, and for workers
 GONE_S = 300.0  # without any worker, after which a study ends: one that died is there again much sooner
@@ -112,11 +111,9 @@ class Workers:
         import dask
         from distributed import Client, LocalCluster
 
-        # A worker has one design at a time: another would be lost with it. Dask has workers give memory back to the system at
-        # every turn, and each design would wait for it anew: a seventh of its time.
-        kept = {f"distributed.nanny.pre-spawn-environ.MALLOC_{name}_THRESHOLD_": KEPT_BYTES for name in ("TRIM", "MMAP")}
+        # A worker has one design at a time: another would be lost with it.
         dask.config.set({"distributed.scheduler.allowed-failures": DEATHS - 1, "distributed.worker.daemon": True,
-                         "distributed.scheduler.worker-saturation": 1.0} | kept)
+                         "distributed.scheduler.worker-saturation": 1.0})
         cluster = self._stack.enter_context(LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=max(1, len(os.sched_getaffinity(0))), threads_per_worker=1, processes=True, memory_limit=MEMORY,
             dashboard_address="127.0.0.1:0", silence_logs=50))
