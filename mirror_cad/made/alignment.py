@@ -138,8 +138,7 @@ def _step(jacobian: Array, distance: Array, weights: Array, at: Array, nominal: 
     values, vectors = np.linalg.eigh(normal)
     if not values[-1] > 0.0:
         raise AlignmentError("no measured point lies near the design: state the unit of the file, or begin nearer to the "
-                             "design "
-                             "with --align none or 321")
+                             "design with --align none or 321")
     told = values > WEAKEST**2 * values[-1]
     # Far from the end residuals are large for another reason than noise.
     told &= min(scale, FAR_SHARE * size) / np.sqrt(np.maximum(values, 1e-300)) < UNDETERMINED_MM

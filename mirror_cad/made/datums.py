@@ -50,8 +50,7 @@ def on_three_points(nominal: Nominal, points: Array, given: Motion, places: Datu
         if off.max() > FARTHEST * nominal.size_mm:
             x, y = wanted[int(np.argmax(off.max(axis=1)))]
             raise AlignmentError(f"--align 321: no measured points lie about the datum place ({x:.0f}, {y:.0f}) mm: the "
-                                 "points must "
-                                 "be in the design's coordinates but for height and tilt; take --align best-fit")
+                                 "points must be in the design's coordinates but for height and tilt; take --align best-fit")
         feet = nominal.feet(at[near.ravel()])
         distances = feet.distance.reshape(near.shape)
         middle = np.argsort(distances, axis=1)[:, near.shape[1] // 2]

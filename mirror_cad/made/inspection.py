@@ -151,10 +151,9 @@ def inspect(nominal: Nominal, points: Array, sigmas: Array | None = None, align:
 def _aligned(nominal: Nominal, points: Array, sigmas: Array | None, given: Motion) -> Alignment:
     start = find_start(nominal, points, given)
     if start.cost_mm > STRANGE * nominal.size_mm:
-        raise AlignmentError(f"the points are no mirror like this one: as near as they can be laid on it they are "
+        raise AlignmentError("the points are no mirror like this one: as near as they can be laid on it they are "
                              f"{start.cost_mm:.3g} mm off, root of the mean square. Is it another design, or a scan with more "
-                             "in "
-                             "it than the mirror's face?")
+                             "in it than the mirror's face?")
     if len(points) > FEW:
         some = slice(None, None, len(points) // FEW)
         motion = best_fit(nominal, points[some], start.motion, None if sigmas is None else sigmas[some]).motion
@@ -168,17 +167,14 @@ def _refuse_two_surfaces(found: Reconstruction, size_mm: float) -> None:
     off = residuals[~kept]
     if len(off) > MANY * len(residuals):
         raise ReconstructionError(f"{len(off)} of {len(residuals)} points lie on no surface with the others, half of them "
-                                  "more than "
-                                  f"{float(np.median(np.abs(off))):.3g} mm off: there is more than one surface in the file "
-                                  "(front "
-                                  "and back of the glass, a housing): leave the mirror's face")
+                                  f"more than {float(np.median(np.abs(off))):.3g} mm off: there is more than one surface in "
+                                  "the file (front and back of the glass, a housing): leave the mirror's face")
     rms = float(np.sqrt(np.mean(residuals[kept] ** 2)))
     near = np.abs(residuals[kept]) < 0.5 * rms
     if rms > SCATTER * size_mm or (rms > 0.0 and near.mean() < HOLLOW):
         apart = float(np.median(residuals[kept & (residuals > 0.0)]) - np.median(residuals[kept & (residuals < 0.0)]))
         raise ReconstructionError(f"the points lie on two surfaces about {apart:.3g} mm apart, or on none: leave the mirror's "
-                                  "face "
-                                  "alone in the file")
+                                  "face alone in the file")
 
 
 def _first_of_equal(points: Array) -> NDArray[np.int64]:

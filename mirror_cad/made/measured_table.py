@@ -134,10 +134,8 @@ def read_measured(path: Path) -> MeasuredTable:
         length = np.linalg.norm(kept[:, 3:], axis=1)
         if np.abs(length - 1.0).max() > UNIT_LENGTH:
             raise FileError(f"{path}, line {body[0][0]}: {body[0][1][:80]!r} has six columns without names, and the last "
-                            "three are "
-                            "no unit normals: name the columns in the first line, and if these are decimal commas, put "
-                            "semicolons "
-                            "or tabs between them")
+                            "three are no unit normals: name the columns in the first line, and if these are decimal commas, "
+                            "put semicolons or tabs between them")
     named = {name: kept[:, k] * scale for k, (name, _, scale) in enumerate(columns)}
     return MeasuredTable(path, named, unit, int((~finite).sum()), ignored, header)
 
@@ -224,8 +222,7 @@ def _understood(path: Path, names: list[str], stated: str | None) -> tuple[list[
             found[column[0]] = (index, column[1])
     if "x" not in found or "y" not in found:
         raise FileError(f"{path}: no columns x and y among {', '.join(repr(name) for name in names if name) or 'none'}: name "
-                        "them "
-                        "in the first line (x_mm, y_mm, z_mm), or leave that line out")
+                        "them in the first line (x_mm, y_mm, z_mm), or leave that line out")
     coordinates = {unit for key in ("x", "y", "z") if key in found for unit in [found[key][1]] if unit}
     if len({LENGTHS[unit] for unit in coordinates}) > 1:
         raise FileError(f"{path}: x, y and z are in different units: {', '.join(sorted(coordinates))}")
@@ -261,8 +258,7 @@ def _numbers(path: Path, body: list[tuple[int, str]], separator: str | None, dec
         cells = _cells(line, separator)
         if separator == "," and len(cells) > width and any(cells[width:]):
             raise FileError(f"{path}, line {number}: {line[:80]!r} has {len(cells)} entries under {width} columns: if these "
-                            "are "
-                            "decimal commas, put semicolons or tabs between the columns")
+                            "are decimal commas, put semicolons or tabs between the columns")
         for k, index in enumerate(indices):
             cell = cells[index] if index < len(cells) else ""
             if cell.lower() in ("", "nan", "na", "n/a", "-", "--", "null", "none", "#n/a", "inf", "-inf", "+inf"):

@@ -136,5 +136,4 @@ def _reach(address: str) -> Client:
         return Client(address, timeout=REACHED_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         raise MirrorError(f"--scheduler {address}: no scheduler is reached there within {REACHED_S:g} s "
-                          f"({type(error).__name__}); "
-                          "start one with `dask scheduler`, or leave the option out") from None
+                          f"({type(error).__name__}); start one with `dask scheduler`, or leave the option out") from None

@@ -140,8 +140,7 @@ def _mould(path: Path) -> BSplineSurface:
     surface = file.shapes(faces, splines=True)[0].surface
     if not isinstance(surface, BSplineSurface) or not surface.is_height_field:
         raise FileError(f"{path}: the mould's face is no B-spline of heights over (x, y) in mirror coordinates, as "
-                        "`compensate` writes "
-                        "it and `build` the surface.step of a design")
+                        "`compensate` writes it and `build` the surface.step of a design")
     return surface
 
 
@@ -159,8 +158,7 @@ def _measured(path: Path, asked: Asked, reference: Reference, progress: Progress
     share = float(found.fields.measured_there.mean())
     if share < MIN_MEASURED:
         raise FileError(f"{path}: {100.0 * (1.0 - share):.0f} % of the mirror were not measured: a mould would be made up "
-                        "there. "
-                        "Measure all of it")
+                        "there. Measure all of it")
     return found
 
 

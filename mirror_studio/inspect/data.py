@@ -105,9 +105,8 @@ def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal | None
     if unit is None:
         if likely is None:
             raise FileError(f"{path}: {_extent(points)}, and the mirror {nominal.size_mm:.4g} mm: in no unit do the points "
-                            "have the "
-                            "size and curvature of this design; state the unit in the first line (x_mm), or look whether it is "
-                            "another mirror")
+                            "have the size and curvature of this design; state the unit in the first line (x_mm), or look "
+                            "whether it is another mirror")
         if likely != "mm":
             points = points * UNITS[likely]
             sigmas = None if sigmas is None else sigmas * UNITS[likely]
@@ -116,10 +115,8 @@ def read_points(path: Path, table: MeasuredTable | None, nominal: Nominal | None
             notes.append("no unit is stated; the coordinates are taken to be in mm")
     elif likely is not None and UNITS[likely] != 1.0:
         raise FileError(f"{path}: its coordinates are stated in {unit}, and then they are no mirror of this design: "
-                        f"{_extent(points)}, "
-                        f"the mirror {nominal.size_mm:.4g} mm. They would fit {LENGTHS[unit] * UNITS[likely]:g} mm to the "
-                        "unit: "
-                        "state the right one")
+                        f"{_extent(points)}, the mirror {nominal.size_mm:.4g} mm. They would fit "
+                        f"{LENGTHS[unit] * UNITS[likely]:g} mm to the unit: state the right one")
     return MeasuredPoints(points, sigmas, missing, tuple(notes))
 
 

@@ -128,8 +128,7 @@ def _readings(table: MeasuredTable, nominal: Nominal, on: NDArray[np.bool_]) -> 
     if not ((legs > 0.0) & (legs < LONGEST_LEG * nominal.size_mm)).all():
         row = int(np.argmin((legs > 0.0) & (legs < LONGEST_LEG * nominal.size_mm)))
         raise FileError(f"{table.path}: the feet of reading {row + 1} are {legs[row]:g} mm apart: it must be above 0 and "
-                        "below half "
-                        f"of the mirror's {nominal.size_mm:.4g} mm")
+                        f"below half of the mirror's {nominal.size_mm:.4g} mm")
     angles = columns.get("angle", np.zeros(len(legs)))
     face = BSplineFace(nominal.surface, (nominal.rim,))
     found = []
@@ -140,8 +139,7 @@ def _readings(table: MeasuredTable, nominal: Nominal, on: NDArray[np.bool_]) -> 
         feet = np.stack([middle - 0.5 * leg * direction, middle, middle + 0.5 * leg * direction])
         if not nominal.outline.contains(feet[:, 0], feet[:, 1]).all():
             raise FileError(f"{table.path}: a foot of reading {row + 1}, at x = {place[0, 0]:.1f}, y = {place[0, 1]:.1f} mm, "
-                            "stands "
-                            "beside the mirror")
+                            "stands beside the mirror")
         designed = _sagitta(float(read_surface(face, stand, leg)[0]), leg)
         if "sagitta" in columns:
             measured, sigma = float(columns["sagitta"][row]), DIAL_MM

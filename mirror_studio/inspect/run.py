@@ -272,34 +272,27 @@ def _check(asked: Asked) -> None:
 def _remarks(found: Inspection, main: Figures) -> list[str]:
     remarks = []
     if not len(found.points):
-        remarks.append("no heights were measured: the mean height of the deviation, and without slopes its mean tilt, are set "
-                       "to "
-                       "nought")
+        remarks.append("no heights were measured: the mean height of the deviation, and without slopes its mean tilt, are "
+                       "set to nought")
     if found.motion.reflected:
         remarks.append("the points are those of the other hand's mirror: they were reflected in x = 0 before they were laid "
-                       "on the "
-                       "design")
+                       "on the design")
     if not found.fields.fits.any():
         remarks.append(f"a gauge of {found.fields.gauge_mm:g} mm fits nowhere on the mirror: curvature is not known; take a "
-                       "shorter "
-                       "one with --gauge-mm")
+                       "shorter one with --gauge-mm")
     elif not found.fields.known.any():
         remarks.append(f"nowhere do measured points lie close enough for a gauge of {found.fields.gauge_mm:g} mm to stand on: "
                        f"curvature is not known. The points are about {found.reconstruction.coverage.spacing_mm:.3g} mm "
-                       "apart: a "
-                       "gauge of eight times that tells it where they cover an area")
+                       "apart: a gauge of eight times that tells it where they cover an area")
     if main.measured_share < SEEN_SHARE:
         remarks.append(f"{100.0 * (1.0 - main.measured_share):.0f} % of the mirror were not measured: what the driver sees in "
-                       "it is "
-                       "not known. There the STEP file follows the design")
+                       "it is not known. There the STEP file follows the design")
     if found.fields.known.any() and main.known_share < 0.99:
         remarks.append(f"of the places where the gauge fits on the mirror {100.0 * (1.0 - main.known_share):.0f} % are not "
-                       "known: "
-                       "too few points lie there")
+                       "known: too few points lie there")
     if found.sigma_stated and found.reconstruction.sigma_factor > 1.2:
         remarks.append(f"the residuals are {found.reconstruction.sigma_factor:.2g} times what the stated sigma lets expect: "
-                       "all "
-                       "sigmas of the report count with the residuals")
+                       "all sigmas of the report count with the residuals")
     return remarks
 
 

@@ -63,13 +63,11 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
         What a user should know.
     """
     pictures = [(png_uri(form_maps(found)), "Measured minus designed after alignment, along z: height, and the angle between "
-                                            "the "
-                 "normals, each with its sigma. Grey: not measured."),
+                                            "the normals, each with its sigma. Grey: not measured."),
                 (png_uri(curvature_maps(found)), f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, "
-                                              "convex "
-                 "positive. Grey: there the whole gauge does not stand on the mirror and on measured points; what is left of "
-                 "its "
-                 "disc tells less, and is in the table of maps with its larger sigma."),
+                                              "convex positive. Grey: there the whole gauge does not stand on the mirror and "
+                                              "on measured points; what is left of its disc tells less, and is in the table "
+                                              "of maps with its larger sigma."),
                 (png_uri(sigma_maps(found)), "How sure that is: one sigma.")]
     seen = [] if view is None else [SeenRow(
         each.title, each.unit, fixed(each.designed, each.decimals), fixed(each.measured, each.decimals),
@@ -127,10 +125,8 @@ def verdict_in_words(verdict: Verdict | None, found: Inspection) -> tuple[str, s
         return "open", "Undecided", "Nowhere does the gauge stand on what was measured."
     limit = f"{plain(verdict.limit_percent)} %"
     text = (f"The deviation of k1 and k2 is at least {number(verdict.surely_percent)} % somewhere (95 % for all places "
-            "together) and at "
-            f"most {number(verdict.possibly_percent)} % (95 % of its place); the limit is {limit}. The gauge stands on "
-            "measured "
-            f"points at {number(100.0 * verdict.known_share)} % of the places where it fits on the mirror.")
+            f"together) and at most {number(verdict.possibly_percent)} % (95 % of its place); the limit is {limit}. The gauge "
+            f"stands on measured points at {number(100.0 * verdict.known_share)} % of the places where it fits on the mirror.")
     head = {"pass": f"Pass: within {limit}", "fail": f"Fail: beyond {limit}", "undecided": "Undecided at 95 %"}[verdict.outcome]
     return {"pass": "yes", "fail": "no", "undecided": "open"}[verdict.outcome], head, text
 
@@ -156,15 +152,13 @@ def basis(found: Inspection, source: str, against: str) -> list[tuple[str, str]]
               "best-fit": "best fit to the exact surface"}[found.align]
     if alignment is not None and alignment.undetermined:
         placed += (f"; {alignment.undetermined} of the six directions of motion are not told by the shape (a sphere may turn "
-                   "about "
-                   "its centre) and stay as they began")
+                   "about its centre) and stay as they began")
     if found.motion.reflected:
         placed += "; the points are those of the other hand's mirror and were reflected"
     spans = " × ".join(number(each) for each in reconstruction.fit.space.span_mm)
     return [("Measured", source), ("Against", against),
             ("Points", f"{count(int(found.used.sum()))} used, about {number(reconstruction.coverage.spacing_mm)} mm apart; "
-                       "left out: "
-             f"{left}"), ("Sigma of a point", sigma), ("Alignment", placed),
+                       f"left out: {left}"), ("Sigma of a point", sigma), ("Alignment", placed),
             ("Reconstruction", f"quintic B-spline of spans {spans} mm, by {reconstruction.principle}")]
 
 
