@@ -200,7 +200,7 @@ def test_every_example_is_tested_and_named_in_the_documents() -> None:
     here = Path(__file__).read_text("utf-8")
     page = (EXAMPLES.parent / "docs" / "examples.md").read_text("utf-8")
     found = [path.name for path in EXAMPLES.iterdir() if path.suffix in (".py", ".ipynb")]
-    assert len(found) == 11
+    assert len(found) == 12
     for name in found:
         assert f'run("{name}")' in here
         assert name in page

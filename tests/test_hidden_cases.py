@@ -91,8 +91,9 @@ def test_no_place_of_the_mirror_has_a_larger_or_smaller_value_and_one_has_the_va
     assert said.max_at_mm is not None
     near = views.middle.on_plane_over(*(np.array(said.max_at_mm)[:, None] + rng.uniform(-1.0, 1.0, (2, 10_000))))
     for where, share in ((places, 0.99), (near[views.middle.trace_points(near).seen], 0.999)):
-        directions = views.middle.trace_points(where).directions
-        (percent,), left, right = _of_directions(views, directions, "horizontal", np.empty((0, len(where), 3)))
+        traced = views.middle.trace_points(where)
+        (percent,), left, right = _of_directions(views, traced.directions, "horizontal", np.empty((0, len(where), 3)),
+                                                 traced.on_mirror[:, :2])
         largest = float(np.abs(percent[left & right]).max())
         assert share * abs(said.max_percent) < largest <= abs(said.max_percent) * (1.0 + 1e-6)
 

@@ -169,7 +169,8 @@ def test_no_file_of_the_packages_asks_for_a_law_by_name_but_the_laws_own() -> No
                       rf"""|\[[^\]]*["'](?:{names})["'][^\]]*\]\.includes"""
                       rf"""|isinstance\([^)]*\b(?:laws\.)?(?:{classes})\b|case (?:{classes})\(""")
     others = {"mirror_cad/laws/zones.py": "blend", "mirror_cad/laws/table.py": "interpolation",
-              "mirror_studio/web/server.py": "kind ==", "mirror_cad/spec/target.py": "projection"}
+              "mirror_studio/web/server.py": "kind ==", "mirror_cad/spec/target.py": "projection",
+              "mirror_studio/web/js/grid.js": "projection"}
     found = []
     for path in (path for package in PACKAGES for path in (HOME / package).rglob("*") if path.suffix in (".py", ".js")):
         if path.name == "studio.js" or {"bench", "node_modules"} & set(path.parts):

@@ -584,8 +584,8 @@ def test_mirrors_beside_each_other_are_shown_at_one_scale(page: Page, tmp_path: 
     assert last["fine"]
     assert last["layout"] == [2, 2]  # larger so than beside each other
     assert last["sizes_mm"]["own"][0] == pytest.approx(460.0, abs=1e-3)
-    pixel, own = last["frames"]["picture"][2], last["frames"]["own"][2]
-    assert pixel == pytest.approx(own, rel=0.5 / last["frames"]["picture"][3])  # whole pixels
+    (pixel, columns), (own, own_columns) = (last["frames"][name][2:4] for name in ("picture", "own"))
+    assert pixel == pytest.approx(own, rel=0.5 / columns + 0.5 / own_columns)  # each of a whole number of pixels
     page.click("#view-road")
     for _ in range(3 * SOON // 100):  # what comes before the fine picture holds the ground alone
         if answers[-1].get("fine") and "cameras" in answers[-1]:
