@@ -252,7 +252,7 @@ def test_measured_points_dropped_on_the_page_are_laid_on_its_design(page: Page, 
     expect(page.get_by_test_id("measured-figures")).to_be_visible(timeout=3 * SOON)
     revision_after(page, before)  # the measured mirror beside the design
     settled(page)
-    assert "look.own=" in page.url
+    page.wait_for_function("location.hash.includes('look.own=')", timeout=SOON)
     with page.expect_download() as download:
         page.get_by_test_id("measured-inspection").click()
     download.value.save_as(tmp_path / "inspection.json")
