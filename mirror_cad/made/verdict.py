@@ -58,7 +58,7 @@ def verdict(fields: DeviationFields, limit_percent: float) -> Verdict:
         Of the local designed value.
     """
     known = fields.known
-    share = float(known.sum() / max(1, fields.fits.sum()))
+    share = float(known.sum() / max(1, int(fields.fits.sum())))
     if not known.any():
         return Verdict("undecided", limit_percent, None, None, share)
     lattice = fields.lattice

@@ -104,9 +104,9 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
             known[at] = _margin(turned_by(m, *at), fields)
         return known[at]
 
-    steps = np.linspace(-within_deg, within_deg, GRID)
+    steps: list[float] = np.linspace(-within_deg, within_deg, GRID).tolist()
     yaw, pitch = max(product(steps, steps), key=lambda at: (margin(*at), -abs(at[0]) - abs(at[1])))
-    step = float(steps[1] - steps[0]) / 2.0
+    step = (steps[1] - steps[0]) / 2.0
     while step > FINEST_DEG and margin(yaw, pitch) < 0.0:
         around = [(yaw + a * step, pitch + b * step) for a, b in product((-1, 0, 1), (-1, 0, 1))]
         best = max((at for at in around if max(map(abs, at)) <= within_deg + 1e-9), key=lambda at: margin(*at))
@@ -123,7 +123,7 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
         pitch, ranges = 0.5 * sum(upward), (across, upward)
         if max(abs(yaw - before[0]), abs(pitch - before[1])) < ENDS_DEG:
             break
-    found = Adjustment(within_deg, float(yaw), float(pitch), margin(yaw, pitch) / 1e3, *(ranges or (None, None)))
+    found = Adjustment(within_deg, yaw, pitch, margin(yaw, pitch) / 1e3, *(ranges or (None, None)))
     return turned_by(m, float(yaw), float(pitch)), found
 
 
