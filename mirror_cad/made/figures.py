@@ -97,7 +97,8 @@ def figures(nominal: Nominal, fields: DeviationFields) -> Figures:
         value, sigma = getattr(fields.curvature, quantity), getattr(fields.curvature_sigma, quantity)
         per_m[quantity] = _figure(1e3 * value, 1e3 * sigma, places, fields.known)
         percent[quantity] = Figure() if fields.flat else _figure(*fields.percent(quantity), places, fields.known)
-    return Figures(height, slope, percent, per_m, float(there.mean()), float(fields.known.sum() / max(1, int(fields.fits.sum()))))
+    known = float(fields.known.sum() / max(1, int(fields.fits.sum())))
+    return Figures(height, slope, percent, per_m, float(there.mean()), known)
 
 
 def slope_angles(nominal: Nominal, fields: DeviationFields) -> Array:

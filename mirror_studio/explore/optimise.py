@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mirror_studio.explore.evaluate import Row
 from mirror_studio.explore.front import SUMMARY
 from mirror_studio.explore.page import PAGE, write_page
+from mirror_studio.explore.replaced import replace_text
 from mirror_studio.explore.store import Store, write_rows
 from mirror_studio.explore.study import OptimiseSection, Study, Value
 from mirror_studio.explore.workers import Workers
@@ -345,4 +346,4 @@ def _write_summary(path: Path, study: Study, found: Optimum) -> None:
     if found.nearest is not None:
         content["nearest"] = {"values": list(found.nearest[0].values), "missed_by_share_of_limit": found.nearest[1]}
     content |= {"minimise": list(asked.minimise), "maximise": list(asked.maximise), "scene": study.scene, "spec": study.raw}
-    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    replace_text(path, json.dumps(content, indent=2) + "\n")

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from mirror_cad.errors import WriteError
 from mirror_cad.spec.file import load_spec, preset_names, spec_as_json
 from mirror_studio.explore.evaluate import Row
+from mirror_studio.explore.replaced import replace_text
 from mirror_studio.explore.study import Study
 from mirror_studio.report.text import templates
 from raytrace.measures.registry import registered
@@ -63,12 +63,7 @@ def write_page(path: Path, study: Study, rows: Sequence[Row], front: Sequence[Ro
         title=path.parent.name, lead=lead, settled_text=settled_text, front=bool(front),
         head=Markup(_in_script(json.dumps(head, ensure_ascii=False, allow_nan=False))),
         data=Markup(_base64(data)), cause=Markup(_base64(codes)), script=Markup(script))
-    beside = path.with_name(f".{path.name}")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
+    replace_text(path, text)
 
 
 def _columns(study: Study, rows: Sequence[Row]) -> tuple[list[dict[str, Any]], np.ndarray[Any, np.dtype[np.float64]]]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple
 from io import FileIO
 from pathlib import Path
 
 from mirror_cad.errors import SpecError, WriteError
 from mirror_studio.explore.evaluate import Row
+from mirror_studio.explore.replaced import replace_table, replace_with
 from mirror_studio.explore.study import Variants
 
 STORE = "study.jsonl"
@@ -113,27 +113,13 @@ def write_rows(folder: Path, name: str, study: Variants, rows: Sequence[Row], pa
         columns[measure] = [row.figures[k] for row in rows]
     columns |= {"status": [row.status for row in rows], "cause": [row.cause for row in rows]}
     columns |= {name: list(values) for name, values in (more or {}).items()}
-    try:
-        _write_csv(folder / f"{name}.csv", list(columns), zip(*columns.values(), strict=True))
-        if parquet:
-            import pyarrow  # type: ignore[import-untyped]
-            import pyarrow.parquet  # type: ignore[import-untyped]
+    whole = f"; the rows are whole in {STORE}"
+    replace_table(folder / f"{name}.csv", list(columns), zip(*columns.values(), strict=True), whole)
+    if parquet:
+        import pyarrow  # type: ignore[import-untyped]
+        import pyarrow.parquet  # type: ignore[import-untyped]
 
-            measured = {name: pyarrow.float64() for name in study.measures}
-            arrays = [pyarrow.array(values, type=measured.get(key)) for key, values in columns.items()]
-            beside = folder / f".{name}.parquet"
-            pyarrow.parquet.write_table(pyarrow.table(arrays, names=list(columns)), beside)
-            beside.replace(folder / f"{name}.parquet")
-    except OSError as error:
-        raise WriteError(f"{folder / name}: cannot be written: {error.strerror or error}; the rows are whole in "
-                         f"{STORE}") from None
-
-
-def _write_csv(path: Path, names: list[str], rows: Iterable[tuple[object, ...]]) -> None:
-    beside = path.with_name(f".{path.name}")
-    with beside.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(names)
-        writer.writerows([("" if value is None else repr(value) if isinstance(value, float) else value) for value in row]
-                         for row in rows)
-    beside.replace(path)
+        measured = {name: pyarrow.float64() for name in study.measures}
+        arrays = [pyarrow.array(values, type=measured.get(key)) for key, values in columns.items()]
+        table = pyarrow.table(arrays, names=list(columns))
+        replace_with(folder / f"{name}.parquet", lambda beside: pyarrow.parquet.write_table(table, beside), whole)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
+from mirror_studio.explore.missing import evaluate_missing
 from mirror_studio.explore.page import PAGE, write_page
 from mirror_studio.explore.store import Store
 from mirror_studio.explore.study import Study
-from mirror_studio.explore.workers import Workers
 from mirror_studio.progress import Progress
 
 
@@ -31,16 +31,7 @@ def sweep(study: Study, out: Path, progress: Progress, scheduler: str | None = N
     """
     store = Store(out, study)
     try:
-        designs = study.designs()
-        left = [(index, values) for index, values in enumerate(designs) if index not in store.rows]
-        progress.step(f"{len(designs)} designs" + (f", {len(designs) - len(left)} of them there" if store.rows else ""))
-        workers = Workers(study, scheduler)
-        try:
-            for done, row in enumerate(workers.rows(left), 1):
-                store.append(row)
-                progress.share(done / len(left))
-        finally:
-            workers.close()
+        evaluate_missing(study, study.designs(), store, "designs", progress, scheduler)
         store.tables()
         write_page(out / PAGE, study, [store.rows[index] for index in sorted(store.rows)])
     finally:

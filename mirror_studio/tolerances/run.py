@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Iterable
 from pathlib import Path
 
-from mirror_cad.errors import MirrorError, WriteError
+from mirror_cad.errors import MirrorError
+from mirror_studio.explore.missing import evaluate_missing
+from mirror_studio.explore.replaced import replace_table, replace_text
 from mirror_studio.explore.store import Store
-from mirror_studio.explore.workers import Workers
 from mirror_studio.json_types import Json, JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.tolerances.file import Tolerances
@@ -57,15 +56,7 @@ def tolerances(study: Tolerances, out: Path, progress: Progress, scheduler: str 
     store = Store(out, study)
     try:
         mirrors = study.mirrors()
-        left = [(index, values) for index, values in enumerate(mirrors) if index not in store.rows]
-        progress.step(f"{len(mirrors)} mirrors" + (f", {len(mirrors) - len(left)} of them there" if store.rows else ""))
-        workers = Workers(study, scheduler, evaluate_made)
-        try:
-            for done, row in enumerate(workers.rows(left), 1):
-                store.append(row)
-                progress.share(done / len(left))
-        finally:
-            workers.close()
+        evaluate_missing(study, mirrors, store, "mirrors", progress, scheduler, evaluate_made)
         store.tables()
         found = outcomes(study, designed, [store.rows[index] for index in range(len(mirrors))])
     finally:
@@ -73,7 +64,7 @@ def tolerances(study: Tolerances, out: Path, progress: Progress, scheduler: str 
     content = as_json(study, found, len(mirrors))
     _write_tables(out, found)
     write_sheet(out / PAGE, study, found, len(mirrors))
-    _write(out / SUMMARY, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    replace_text(out / SUMMARY, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     progress.step(f"{len(mirrors)} mirrors, {found.failed} failed"
                   + ("" if found.inside is None else f"; {100.0 * found.inside:.1f} % meet all limits") + f", in {out}")
     return content, _missed(study, found)
@@ -114,36 +105,14 @@ def _outcome_as_json(name: str, one: Outcome) -> JsonObject:
 
 
 def _write_tables(out: Path, found: Outcomes) -> None:
-    _write_csv(out / "measures.csv", ("measure", "designed", "mean", "sigma", "interval_low", "interval_high", "missing",
+    replace_table(out / "measures.csv", ("measure", "designed", "mean", "sigma", "interval_low", "interval_high", "missing",
                                       "limit_least", "limit_most", "share_inside"),
                ((name, one.designed, one.mean, one.sigma, *(one.interval or (None, None)), one.missing,
                  *(one.limit or (None, None)), one.inside) for name, one in found.by_measure.items()))
-    _write_csv(out / "indices.csv", ("measure", "tolerance", "first", "first_low", "first_high", "total", "total_low",
+    replace_table(out / "indices.csv", ("measure", "tolerance", "first", "first_low", "first_high", "total", "total_low",
                                      "total_high", "sigma_without"),
                ((name, factor, index.first, *index.first_interval, index.total, *index.total_interval, index.sigma_without)
                 for name, one in found.by_measure.items() for factor, index in one.indices.items()))
-
-
-def _write_csv(path: Path, names: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> None:
-    beside = path.with_name(f".{path.name}")
-    try:
-        with beside.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(names)
-            writer.writerows([("" if value is None else repr(value) if isinstance(value, float) else value) for value in row]
-                             for row in rows)
-        beside.replace(path)
-    except OSError as error:
-        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
-
-
-def _write(path: Path, text: str) -> None:
-    beside = path.with_name(f".{path.name}")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def _missed(study: Tolerances, found: Outcomes) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirror_cad.errors import WriteError
+from mirror_studio.explore.replaced import replace_text
 from mirror_studio.report.drawing import INK, SMALL, SOFT, WIDTH, Panel, drawing, text
 from mirror_studio.report.text import MISSING, count, fixed, number, templates
 from mirror_studio.tolerances.file import Tolerances
@@ -67,12 +67,7 @@ def write_sheet(path: Path, study: Tolerances, found: Outcomes, mirrors: int) ->
         level=f"{study.file.interval_percent:g}", samples=count(study.file.samples),
         tolerances=[(factor.name, factor.what, factor.size_in_words) for factor in study.factors],
         rows=[_row(name, one, study) for name, one in found.by_measure.items()])
-    beside = path.with_name(f".{path.name}")
-    try:
-        beside.write_text(page, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
+    replace_text(path, page)
 
 
 def _verdict(found: Outcomes) -> tuple[str, str, str]:
