@@ -87,14 +87,20 @@ def _lines(path: Path) -> list[tuple[int, str]]:
         data = path.read_bytes()
     except OSError as error:
         raise ValueError(f"file = \"{path}\" cannot be read as CSV: {error.strerror or error}") from None
-    text = _decoded(data)
-    if text is None or "\0" in text:
+    text = decoded(data)
+    if text is None:
         raise ValueError(f"file = \"{path}\" cannot be read as CSV: it is no text")
     return [(number, line) for number, line in enumerate(text.splitlines(), start=1)
             if line.strip() and not line.lstrip("\"' \t").startswith(COMMENT)]
 
 
-def _decoded(data: bytes) -> str | None:
+def decoded(data: bytes) -> str | None:
+    """Decode a text of UTF-8, UTF-16 or Windows-1252; None for what is no text.
+
+    Parameters
+    ----------
+    data : bytes
+    """
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encodings = ["utf-16"]
     elif b"\0" in data[:200]:  # UTF-16 without its mark: every other byte of plain text is 0
@@ -103,9 +109,11 @@ def _decoded(data: bytes) -> str | None:
         encodings = ["utf-8-sig", "cp1252"]
     for encoding in encodings:
         try:
-            return data.decode(encoding)
+            text = data.decode(encoding)
         except UnicodeDecodeError:
             continue
+        if "\0" not in text:
+            return text
     return None
 
 

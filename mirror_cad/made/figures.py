@@ -113,10 +113,28 @@ def slope_angles(nominal: Nominal, fields: DeviationFields) -> Array:
     """
     places = fields.lattice.places
     _, zx, zy = nominal.heights(places[:, 0], places[:, 1])
-    before = np.stack([-zx, -zy, np.ones_like(zx)], axis=1)
-    after = np.stack([-zx - fields.slope_x, -zy - fields.slope_y, np.ones_like(zx)], axis=1)
-    chord = before / np.linalg.norm(before, axis=1, keepdims=True) - after / np.linalg.norm(after, axis=1, keepdims=True)
-    result: Array = 2.0 * np.arcsin(0.5 * np.linalg.norm(chord, axis=1))
+    return angle_between_normals(zx, zy, fields.slope_x, fields.slope_y)
+
+
+def angle_between_normals(zx: Array, zy: Array, dx: Array, dy: Array) -> Array:
+    """The angle between the normals of a surface z(x, y) with slopes (zx, zy), and with slopes (zx + dx, zy + dy).
+
+    2 asin(c/2) of the chord c between the unit normals, which keeps its digits where they are nearly one.
+
+    Parameters
+    ----------
+    zx, zy, dx, dy : ndarray
+        (k,).
+
+    Returns
+    -------
+    ndarray
+        (k,) radians.
+    """
+    before = np.stack([-zx, -zy, np.ones_like(zx)])
+    after = np.stack([-zx - dx, -zy - dy, np.ones_like(zx)])
+    chord = before / np.linalg.norm(before, axis=0) - after / np.linalg.norm(after, axis=0)
+    result: Array = 2.0 * np.arcsin(0.5 * np.linalg.norm(chord, axis=0))
     return result
 
 

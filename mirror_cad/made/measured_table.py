@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.columns import decoded
 from mirror_cad.errors import FileError
 
 Array = NDArray[np.float64]
@@ -148,19 +149,9 @@ def _text(path: Path) -> str:
         data = path.read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from None
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        encodings = ["utf-16"]
-    elif b"\0" in data[:200]:
-        encodings = ["utf-16-le" if data[1:2] == b"\0" else "utf-16-be"]
-    else:
-        encodings = ["utf-8-sig", "cp1252"]
-    for encoding in encodings:
-        try:
-            text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" not in text:
-            return text.translate({0x2212: "-", 0x2013: "-"})
+    text = decoded(data)
+    if text is not None:
+        return text.translate({0x2212: "-", 0x2013: "-"})
     raise FileError(f"{path}: no text: measured points come as CSV, TSV, XYZ or TXT, as a mesh or as STEP")
 
 

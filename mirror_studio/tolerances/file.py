@@ -25,7 +25,7 @@ from mirror_cad.laws.matched import with_solved
 from mirror_cad.made.form_error import BAND, shortest_wavelength
 from mirror_cad.spec.file import load_spec, read_toml, spec_as_json, validated
 from mirror_studio.explore.study import Value, beside, faults_of_measures, limit_ends, measure_names, put
-from mirror_studio.tolerances.columns import Column, Factor, angle, departure, draw
+from mirror_studio.tolerances.factors import Column, Factor, angle, departure, draw
 from mirror_studio.tolerances.made import Departures, FormOfRow
 
 Array = NDArray[np.float64]

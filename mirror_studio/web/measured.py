@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from mirror_cad.deviation import QUANTITIES
-from mirror_cad.made.figures import ARCMIN
+from mirror_cad.made.figures import ARCMIN, angle_between_normals
 from mirror_cad.mirror import Mirror
 from mirror_studio.json_types import Json
 
@@ -53,7 +53,8 @@ def shown(folder: Path, mirror: Mirror) -> Shown:
     columns = _columns(folder / f"{content['name']}-maps.csv")
     x, y = columns["x_mm"], columns["y_mm"]
     _, zx, zy = mirror.as_made.surface.heights(x, y)
-    arcmin = {"slope_arcmin": ARCMIN * _turned(zx, zy, columns["slope_x_arcmin"] / ARCMIN, columns["slope_y_arcmin"] / ARCMIN)}
+    dx, dy = columns["slope_x_arcmin"] / ARCMIN, columns["slope_y_arcmin"] / ARCMIN
+    arcmin = {"slope_arcmin": ARCMIN * angle_between_normals(zx, zy, dx, dy)}
     arcmin |= {name: columns[name] for name in FORM if name in columns}
     stands = columns["gauge_stands"] > 0.0
     unit = "percent" if "k1_percent" in columns else "per_m"
@@ -75,15 +76,6 @@ def _columns(path: Path) -> dict[str, Array]:
         names = stream.readline().strip().split(",")
         rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
     return dict(zip(names, np.ascontiguousarray(rows.T), strict=True))
-
-
-def _turned(zx: Array, zy: Array, dx: Array, dy: Array) -> Array:
-    """The angle between the normals of slopes (zx, zy) and (zx + dx, zy + dy), radians, as inspection.json has it."""
-    before = np.stack([-zx, -zy, np.ones_like(zx)])
-    after = np.stack([-zx - dx, -zy - dy, np.ones_like(zx)])
-    chord = before / np.linalg.norm(before, axis=0) - after / np.linalg.norm(after, axis=0)
-    result: Array = 2.0 * np.arcsin(0.5 * np.linalg.norm(chord, axis=0))
-    return result
 
 
 @dataclass(frozen=True, eq=False)
