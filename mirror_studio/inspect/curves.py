@@ -18,7 +18,7 @@ LEAST = 1e-9  # of a scale: of a mirror without deviation
 
 
 def sections_figure(found: Inspection) -> bytes:
-    """Height, kx and ky along the middle across and the middle upright, with 95 % bands; SVG.
+    """Height, and kx and ky where any are known, along the middle across and the middle upright, with 95 % bands; SVG.
 
     Parameters
     ----------
@@ -28,9 +28,10 @@ def sections_figure(found: Inspection) -> bytes:
     fields, lattice = found.fields, found.fields.lattice
     unit, scale = ("1/m", 1e3) if fields.flat else ("%", 1.0)
     curves = [("height, µm", [("height", BLUE, 1e3 * fields.height, 1e3 * fields.height_sigma)])]
-    curves.append((f"curvature, {unit}", [
-        (key, colour, *_known(found, scale * value, scale * sigma)) for key, colour, (value, sigma) in (
-            ("kx", BLUE, _curvature(found, "kx")), ("ky", RED, _curvature(found, "ky")))]))
+    if fields.known.any():
+        curves.append((f"curvature, {unit}", [
+            (key, colour, *_known(found, scale * value, scale * sigma)) for key, colour, (value, sigma) in (
+                ("kx", BLUE, _curvature(found, "kx")), ("ky", RED, _curvature(found, "ky")))]))
     width, parts = 0.5 * (WIDTH - LEFT - APART - RIGHT), []
     x_min, x_max, y_min, y_max = found.nominal.box
     for column, (at, ends, name) in enumerate(((lattice.x, (x_min, x_max), "x"), (lattice.y, (y_min, y_max), "y"))):
@@ -50,11 +51,11 @@ def sections_figure(found: Inspection) -> bytes:
             if len(cut) > 1:
                 parts.append(legend(panel.left + width, panel.top - 8.0, [(key, colour, 1.4, 1.0, "")
                                                                           for key, colour, _, _ in cut]))
-    return drawing(TOP + 2.0 * (HEIGHT + BELOW) - 18.0, parts)
+    return drawing(TOP + len(curves) * (HEIGHT + BELOW) - 18.0, parts)
 
 
 def histograms_figure(found: Inspection) -> bytes:
-    """Share of the area over the deviation of height and of the curvatures; SVG.
+    """Share of the area over the deviation of height, and of the curvatures where any are known; SVG.
 
     Parameters
     ----------
@@ -63,7 +64,8 @@ def histograms_figure(found: Inspection) -> bytes:
     """
     unit, scale = ("1/m", 1e3) if found.fields.flat else ("%", 1.0)
     groups = [("height, µm", [("height", BLUE, "", 1e3 * found.fields.height)])]
-    for keys in ((("k1", BLUE, ""), ("k2", RED, "")), (("kx", BLUE, ""), ("ky", RED, ""), ("twist", GREY, "6 3"))):
+    curvatures = ((("k1", BLUE, ""), ("k2", RED, "")), (("kx", BLUE, ""), ("ky", RED, ""), ("twist", GREY, "6 3")))
+    for keys in curvatures if found.fields.known.any() else ():
         groups.append((f"{', '.join(key for key, _, _ in keys)}, {unit}", [
             (key, colour, dash, _known(found, scale * _curvature(found, key)[0], scale * _curvature(found, key)[0])[0])
             for key, colour, dash in keys]))

@@ -88,8 +88,10 @@ def hidden_maps(found: Inspection, hidden: HiddenForm) -> bytes | None:
     Returns
     -------
     bytes or None
-        None where nothing of it is known.
+        None where nothing of it is known, and where nothing was aligned.
     """
+    if found.align == "none":
+        return None
     maps: list[tuple[str, Array, bool]] = []
     if hidden.height is not None:
         taken = np.where(found.fields.measured_there, hidden.height, np.nan)
@@ -128,14 +130,14 @@ def _curvature(found: Inspection, key: str) -> tuple[Array, Array]:
 
 def _row(found: Inspection, maps: list[tuple[str, Array, bool]], one_scale: bool = False, width: float = 1.0) -> bytes:
     x_min, x_max, y_min, y_max = found.nominal.box
-    known = found.fields.known
+    known = found.fields.known if found.fields.known.any() else slice(None)
     with matplotlib.rc_context(STYLE):
         each = width * WIDTH_IN / len(maps)
         height = float(np.clip(0.78 * each * (y_max - y_min) / (x_max - x_min), 1.0, 6.0)) + 1.15
         figure = Figure(figsize=(width * WIDTH_IN, height), layout="constrained")
         row = figure.subplots(1, len(maps), squeeze=False)[0]
         # What stands at the rim, where the gauge does not, is less sure and sets no scale.
-        largest = [float(np.nanmax(np.abs(v[known if known.any() else slice(None)]), initial=0.0)) for _, v, _ in maps]
+        largest = [float(np.nanmax(np.abs(v[known]), initial=0.0)) for _, v, _ in maps]
         for axes, (title, values, signed), own in zip(row, maps, largest, strict=True):
             top = max(max(largest) if one_scale else own, MIN_SCALE)
             drawn = axes.imshow(found.fields.lattice.as_map(values).T, origin="lower", extent=(x_min, x_max, y_min, y_max),

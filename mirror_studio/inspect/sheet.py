@@ -63,12 +63,13 @@ def write_sheet(path: Path, title: str, facts: list[tuple[str, str]], found: Ins
         What a user should know.
     """
     pictures = [(png_uri(form_maps(found)), "Measured minus designed after alignment, along z: height, and the angle between "
-                                            "the normals, each with its sigma. Grey: not measured."),
-                (png_uri(curvature_maps(found)), f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, "
-                                              "convex positive. Grey: there the whole gauge does not stand on the mirror and "
-                                              "on measured points; what is left of its disc tells less, and is in the table "
-                                              "of maps with its larger sigma."),
-                (png_uri(sigma_maps(found)), "How sure that is: one sigma.")]
+                                            "the normals, each with its sigma. Grey: not measured.")]
+    if found.fields.known.any():
+        pictures += [(png_uri(curvature_maps(found)),
+                      f"Deviation of curvature over a gauge of {plain(found.fields.gauge_mm)} mm, convex positive. Grey: there "
+                      "the whole gauge does not stand on the mirror and on measured points; what is left of its disc tells "
+                      "less, and is in the table of maps with its larger sigma."),
+                     (png_uri(sigma_maps(found)), "How sure that is: one sigma.")]
     seen = [] if view is None else [SeenRow(
         each.title, each.unit, fixed(each.designed, each.decimals), fixed(each.measured, each.decimals),
         MISSING if each.interval is None else " to ".join(fixed(end, each.decimals) for end in each.interval))
