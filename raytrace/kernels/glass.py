@@ -51,8 +51,8 @@ from raytrace.kernels.blocks import (
     work,
 )
 from raytrace.kernels.compiled import compiled
-from raytrace.kernels.height_field import SHALLOWEST, HeightField, heights
-from raytrace.kernels.outcomes import ACCEPTED, BEHIND, BLOCKED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
+from raytrace.kernels.height_field import SHALLOWEST, HeightField, begin_newton, heights, newton_step
+from raytrace.kernels.outcomes import ACCEPTED, BEHIND, BLOCKED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
 from raytrace.kernels.parametric import Patches, across, centred, from_plane, kept_near, met, refined, residuals, stepped
 from raytrace.kernels.trimming import Strips, in_interior, inside
 
@@ -144,23 +144,12 @@ def _to_back(powers, back, w):
 
     Returns how many meet it.
     """
-    for m in range(BLOCK):
-        limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
-        w[LIMIT + m] = limit * limit
-        w[MISS + m] = np.inf
+    begin_newton(w)
     for _ in range(MAX_STEPS):
         for m in range(BLOCK):
             w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
         heights(powers, back.cells, w)
-        moving = 0
-        for m in range(BLOCK):
-            above = w[OZ + m] + w[T + m] * w[DZ + m] - w[Z + m]
-            w[T + m] -= above / (w[DZ + m] - w[ZX + m] * w[DX + m] - w[ZY + m] * w[DY + m])
-            miss = above * above
-            limit = w[LIMIT + m] * (1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m])
-            moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])))
-            w[MISS + m] = miss
-        if moving == 0:
+        if newton_step(w) == 0:
             break
     good = 0
     for m in range(BLOCK):

@@ -175,6 +175,34 @@ def _from_above(top, w):
         w[X + m], w[Y + m] = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m]
 
 
+@compiled(fastmath={"contract"}, inline="always")
+def begin_newton(w):
+    """What a residual height has to be below, squared, for rays at T; nothing has been missed yet."""
+    for m in range(BLOCK):
+        limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
+        w[LIMIT + m] = limit * limit
+        w[MISS + m] = np.inf
+
+
+@compiled(fastmath={"contract"}, inline="always")
+def newton_step(w):
+    """Move T to where the rays meet the tangent planes at (X, Y); MISS is the square of their height above the sheet there.
+
+    Returns how many are not settled: not below the limit, nor below what is accepted and no longer halved.
+    """
+    moving = 0
+    for m in range(BLOCK):
+        above = w[OZ + m] + w[T + m] * w[DZ + m] - w[Z + m]
+        w[T + m] -= above / (w[DZ + m] - w[ZX + m] * w[DX + m] - w[ZY + m] * w[DY + m])
+        # Squares: of the height, of the limit, and of the height over the distance from the tangent plane.
+        miss = above * above
+        limit = w[LIMIT + m] * (1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m])
+        # Not "larger than": a NaN moves on, too.
+        moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])))
+        w[MISS + m] = miss
+    return moving
+
+
 def _kernel(powers):
     """The kernel for `powers` = degree + 1 in both directions."""
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
@@ -222,10 +250,7 @@ def _kernel(powers):
                     taylor(powers, cells, w[X + BLOCK // 2], w[Y + BLOCK // 2], q)
                     _osculate(powers, cells, w, q)
                 warm = together
-            for m in range(BLOCK):
-                limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
-                w[LIMIT + m] = limit * limit
-                w[MISS + m] = np.inf
+            begin_newton(w)
             for _ in range(MAX_STEPS):
                 for m in range(BLOCK):
                     w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
@@ -247,17 +272,7 @@ def _kernel(powers):
                         cell_bottom = ends_y[j_low] if j_low > 0 else -np.inf
                         cell_top = ends_y[j_low + 1] if j_low < last_y else np.inf
                 _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
-                moving = 0
-                for m in range(BLOCK):
-                    above = w[OZ + m] + w[T + m] * w[DZ + m] - w[Z + m]
-                    w[T + m] -= above / (w[DZ + m] - w[ZX + m] * w[DX + m] - w[ZY + m] * w[DY + m])
-                    # Squares: of the height, of the limit, and of the height over the distance from the tangent plane.
-                    miss = above * above
-                    limit = w[LIMIT + m] * (1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m])
-                    # Not "larger than": a NaN moves on, too.
-                    moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])))
-                    w[MISS + m] = miss
-                if moving == 0:
+                if newton_step(w) == 0:
                     break
             good = 0
             for m in range(BLOCK):
