@@ -159,17 +159,18 @@ export class Front {
     const [x, y, by] = [this.across, this.up, this.by].map((select) => this.column(select));
     context.fillStyle = "#fff";
     context.fillRect(0, 0, width, height);
-    const [px, x0, x1] = scaled(x, front, PAD.left, width - PAD.right), [py, y0, y1] = scaled(y, front, height - PAD.bottom, PAD.top);
     context.font = "10px system-ui, sans-serif";
     context.strokeStyle = "#e7e9ed";
     context.fillStyle = "#5a6573";
     const line = (a, b, c, d) => { context.beginPath(); context.moveTo(a, b); context.lineTo(c, d); context.stroke(); };
-    const ticks = (low, high, parts) => { const step = roundStep(high - low, parts), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9)); return { digits, at: Array.from({ length: Math.floor(high / step) - Math.ceil(low / step) + 1 }, (_, k) => (Math.ceil(low / step) + k) * step) }; };
+    const ticks = (low, high, parts) => { const step = roundStep(high - low, parts), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9)); return Array.from({ length: Math.floor(high / step) - Math.ceil(low / step) + 1 }, (_, k) => (Math.ceil(low / step) + k) * step).map((value) => [value, fixed(value, digits)]); };
+    const [py, y0, y1] = scaled(y, front, height - PAD.bottom, PAD.top), upwards = ticks(y0, y1, Math.max(2, height / 60));
+    const left = Math.max(PAD.left, 8 + Math.max(0, ...upwards.map(([, words]) => context.measureText(words).width)));
+    const [px, x0, x1] = scaled(x, front, left, width - PAD.right);
     context.textAlign = "center";
-    const across = ticks(x0, x1, Math.max(2, width / 80)), upwards = ticks(y0, y1, Math.max(2, height / 60));
-    for (const v of across.at) { line(px(v), PAD.top, px(v), height - PAD.bottom); context.fillText(fixed(v, across.digits), px(v), height - PAD.bottom + 12); }
+    for (const [v, words] of ticks(x0, x1, Math.max(2, width / 80))) { line(px(v), PAD.top, px(v), height - PAD.bottom); context.fillText(words, px(v), height - PAD.bottom + 12); }
     context.textAlign = "right";
-    for (const v of upwards.at) { line(PAD.left, py(v), width - PAD.right, py(v)); context.fillText(fixed(v, upwards.digits), PAD.left - 4, py(v) + 3); }
+    for (const [v, words] of upwards) { line(left, py(v), width - PAD.right, py(v)); context.fillText(words, left - 4, py(v) + 3); }
     this.places = front.values.map((_, i) => [x.of(i), y.of(i)]).map(([a, b]) => (Number.isFinite(a) && Number.isFinite(b) ? [px(a), py(b)] : null));
     const colour = by ? shades(by, front) : () => "#1c5fa8";
     const dot = (i, radius) => { context.beginPath(); context.arc(...this.places[i], radius, 0, 2 * Math.PI); };
