@@ -103,7 +103,7 @@ def driven(folder: Path) -> Path:
 
 def test_the_set_holds_pictures_measures_drawings_and_a_sheet(driven: Path) -> None:
     names = {path.name for path in driven.iterdir()}
-    assert names == {"progressive-c-eyes.png", "flat-eyes.png", "maps.png", "lines.png", "plan.png", "turned.png",
+    assert names == {"progressive-c-eyes.png", "flat-eyes.png", "maps.svg", "lines.svg", "plan.svg", "turned.svg",
                      "measures.json", "measures.csv", "index.html", "manifest.json"}
     assert Image.open(driven / "progressive-c-eyes.png").size == (1280, 720)
     page = (driven / "index.html").read_text("utf-8")

@@ -8,9 +8,10 @@ from pathlib import Path
 from mirror_cad.spec.file import spec_as_json
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, refuse_unreflected, stated_placement, versions, write_json, write_png
-from mirror_studio.drive import drawings
 from mirror_studio.drive.as_json import driven_as_json
 from mirror_studio.drive.in_plan import Array, footprint
+from mirror_studio.drive.lines import line_drawings
+from mirror_studio.drive.maps import magnification_maps
 from mirror_studio.drive.measured import MainFigures, Measured, asked_of, main_figures, measure
 from mirror_studio.drive.mirrors import DrivenMirror, driven_mirror, named_apart
 from mirror_studio.drive.pictures import World, both_eyes
@@ -18,6 +19,7 @@ from mirror_studio.drive.plan import ground_plans
 from mirror_studio.drive.sensitivity import sensitivity
 from mirror_studio.drive.sheet import picture_name, write_sheet
 from mirror_studio.drive.table import write_csv
+from mirror_studio.drive.turned import turned_drawing
 from mirror_studio.drive.world import MM
 from mirror_studio.json_types import JsonObject
 from mirror_studio.progress import Progress
@@ -68,10 +70,10 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
 
 def _write(folder: Path, scene: SceneFile, measured: list[Measured], changes: list[dict[str, MainFigures]],
            rays: dict[str, dict[str, int]], footprints: list[tuple[str, Array]], left_out: list[str]) -> JsonObject:
-    drawings.magnification_maps(folder / "maps.png", measured)
-    lines_width = drawings.line_drawings(folder / "lines.png", measured)
-    drawings.turned_drawing(folder / "turned.png", measured)
-    ground_plans(folder / "plan.png", measured, scene, footprints)
+    magnification_maps(folder / "maps.svg", measured)
+    lines_width = line_drawings(folder / "lines.svg", measured)
+    turned_drawing(folder / "turned.svg", measured)
+    ground_plans(folder / "plan.svg", measured, scene, footprints)
     names = [each.mirror.name for each in measured]
     content = {name: driven_as_json(each, change, rays[name])
                for name, each, change in zip(names, measured, changes, strict=True)}

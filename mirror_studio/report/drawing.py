@@ -71,13 +71,26 @@ class Panel:
             around = "L".join(f"{a:.1f} {b:.1f}" for a, b in np.concatenate([lower, upper[::-1]]))
             self.parts.append(f'<path d="M{around}Z" fill="{colour}" fill-opacity="{opacity:g}"/>')
 
+    def area(self, x: ArrayLike, y: ArrayLike, colour: str, opacity: float = 1.0, edge: str = "none",
+             width: float = 1.0) -> None:
+        """A filled polygon, with an edge where one is named."""
+        around = "L".join(f"{a:.1f} {b:.1f}" for run in self._runs(x, y) for a, b in run)
+        self.parts.append(f'<path d="M{around}Z" fill="{colour}" fill-opacity="{opacity:g}" stroke="{edge}" '
+                          f'stroke-width="{width:g}"/>')
+
+    def triangles(self, x: ArrayLike, y: ArrayLike, colour: str, size: float = 4.5) -> None:
+        """A triangle that points up at each place; `size` : half its width, px."""
+        places = zip(*self.px(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)), strict=True)
+        marks = " ".join(f"M{a:.1f} {b - size:.1f}l{size:g} {2.0 * size:g}h-{2.0 * size:g}Z" for a, b in places)
+        self.parts.append(f'<path d="{marks}" fill="{colour}"/>')
+
     def stairs(self, edges: Array, values: Array, colour: str, width: float = 1.8, dash: str = "") -> None:
         """Values between edges, from and to zero."""
         self.line(np.repeat(edges, 2), np.concatenate([[0.0], np.repeat(values, 2), [0.0]]), colour, width, dash)
 
     def segments(self, starts: Array, ends: Array, colour: str, width: float) -> None:
         """Straight pieces between points (n, 2)."""
-        a, b = (np.stack(self._px(*ends_.T), axis=1) for ends_ in (starts, ends))
+        a, b = (np.stack(self.px(*ends_.T), axis=1) for ends_ in (starts, ends))
         self._path(" ".join(f"M{p[0]:.1f} {p[1]:.1f}L{q[0]:.1f} {q[1]:.1f}" for p, q in zip(a, b, strict=True)),
                    colour, width, "", 1.0)
 
@@ -90,18 +103,18 @@ class Panel:
         self.line((x, x), self.y, colour, width, dash)
 
     def svg(self, number: int, title: str = "", x_label: str = "", y_label: str = "", x_numbers: bool = True,
-            y_numbers: bool = True, note: str = "") -> str:
-        """The panel with grid, axes and texts.   number : tells its clip from the others'.   note : at the upper right."""
+            y_numbers: bool = True, note: str = "", grid: bool = True) -> str:
+        """The panel with its axes and texts.   number : tells its clip from the others'.   note : at the upper right."""
         left, top, right, bottom = self.left, self.top, self.left + self.width, self.top + self.height
         x_ticks = nice_ticks(*self.x, int(self.width / TICKS_APART["x"]))
         y_ticks = nice_ticks(*self.y, max(2, int(self.height / TICKS_APART["y"])))
-        x_at, _ = self._px(np.array(x_ticks), np.full(len(x_ticks), self.y[0]))
-        _, y_at = self._px(np.full(len(y_ticks), self.x[0]), np.array(y_ticks))
-        grid = [f"M{at:.1f} {top:.1f}V{bottom:.1f}" for at in x_at] + [f"M{left:.1f} {at:.1f}H{right:.1f}" for at in y_at]
+        x_at, _ = self.px(np.array(x_ticks), np.full(len(x_ticks), self.y[0]))
+        _, y_at = self.px(np.full(len(y_ticks), self.x[0]), np.array(y_ticks))
+        rules = [f"M{at:.1f} {top:.1f}V{bottom:.1f}" for at in x_at] + [f"M{left:.1f} {at:.1f}H{right:.1f}" for at in y_at]
         marks = [f"M{at:.1f} {bottom:.1f}v{TICK:g}" for at in x_at] + [f"M{left:.1f} {at:.1f}h-{TICK:g}" for at in y_at]
         out = [f'<clipPath id="c{number}"><rect x="{left:.1f}" y="{top - 1:.1f}" width="{self.width:.1f}" '
                f'height="{self.height + 2:.1f}"/></clipPath>',
-               f'<path d="{" ".join(grid)}" stroke="{GRID}" fill="none"/>',
+               f'<path d="{" ".join(rules if grid else [])}" stroke="{GRID}" fill="none"/>',
                f'<g clip-path="url(#c{number})">', *self.parts, "</g>",
                f'<path d="M{left:.1f} {top:.1f}V{bottom:.1f}H{right:.1f} {" ".join(marks)}" stroke="{AXIS}" fill="none"/>']
         if x_numbers:
@@ -120,12 +133,13 @@ class Panel:
             out.append(text(right, top - 7.0, note, SMALL, SOFT, "end"))
         return "\n".join(out)
 
-    def _px(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def px(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Where points lie, in px of the drawing."""
         (x0, x1), (y0, y1) = self.x, self.y
         return self.left + self.width * (x - x0) / (x1 - x0), self.top + self.height * (y1 - y) / (y1 - y0)
 
     def _runs(self, x: ArrayLike, y: ArrayLike) -> list[Array]:
-        pixels = np.stack(self._px(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)), axis=1)
+        pixels = np.stack(self.px(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)), axis=1)
         # Far outside the panel all is one: renderers keep coordinates in few digits.
         pixels = np.clip(pixels, -1e4, 1e4)
         finite = np.isfinite(pixels).all(axis=1)
@@ -138,10 +152,11 @@ class Panel:
 
 
 def text(x: float, y: float, words: str, size: float = FONT, colour: str = INK, anchor: str = "start",
-         upright: bool = False) -> str:
-    """A line of text whose base begins, has its middle or ends at (x, y)."""
-    turned = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if upright else ""
-    return (f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" fill="{colour}" text-anchor="{anchor}"{turned}>'
+         upright: bool = False, halo: bool = False) -> str:
+    """A line of text whose base begins, has its middle or ends at (x, y).   halo : to be read on any colour."""
+    more = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if upright else ""
+    more += ' stroke="white" stroke-opacity="0.8" stroke-width="3" paint-order="stroke" stroke-linejoin="round"' if halo else ""
+    return (f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" fill="{colour}" text-anchor="{anchor}"{more}>'
             f"{escape(words)}</text>")
 
 
@@ -158,7 +173,7 @@ def legend(right: float, base: float, entries: Iterable[tuple[str, str, float, f
     return "\n".join(out)
 
 
-def drawing(height: float, parts: Iterable[str]) -> bytes:
-    """The SVG file of parts that were placed on WIDTH × height px."""
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:g}" width="{WIDTH:g}" height="{height:g}" '
+def drawing(height: float, parts: Iterable[str], width: float = WIDTH) -> bytes:
+    """The SVG file of parts that were placed on width × height px."""
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" '
             f'font-family="{FACE}">\n' + "\n".join(parts) + "\n</svg>\n").encode()

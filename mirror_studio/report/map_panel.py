@@ -1,4 +1,4 @@
-"""Draw a field over a mirror as a map within its outline, with its scale beside it, as parts of one SVG."""
+"""Draw a field, and lines, over a mirror as a map within its outline, as a part of one SVG."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mirror_studio.report.colours import Stops, indices, palette
-from mirror_studio.report.drawing import AXIS, FONT, INK, SMALL, SOFT, Range, nice_ticks, text, tick_texts
+from mirror_studio.report.drawing import AXIS, FONT, INK, SMALL, SOFT, nice_ticks, text, tick_texts
 
 Array = NDArray[np.float64]
 
 RIM = "#555555"
 TICK = 3.5  # px
-NUMBER_ROOM = 26.0  # px of height that a number beside a scale needs
+FINER = 6  # pixels a cell, where a map has cells without value
 TICK_MARGIN = 0.05  # of a map's side: a number nearer to its corner meets the next map's
+NAME = 10.0  # px: of the names on contours
+UPWARDS = 120.0  # degrees: a name on a line that is nearly upright reads upwards
+NAME_SPOTS, NAMES_APART = 25, 45.0  # where on its line a name may stand; px, from which on two do not crowd each other
 
 
 @dataclass(eq=False)
@@ -49,24 +52,62 @@ class MapPanel:
     over: list[str] = field(default_factory=list)  # what the rim does not cut
 
     def image(self, values: Array, low: float, high: float, stops: Stops) -> None:
-        """A field (nx, ny) of equal cells over the extent, x to the right and y up, on one scale."""
-        picture = Image.fromarray(np.ascontiguousarray(indices(values, low, high).T[::-1]), mode="P")
+        """A field (nx, ny) of equal cells over the extent, x to the right and y up, on one scale; nothing where it is NaN."""
+        known = np.isfinite(values)
+        picture = Image.fromarray(np.ascontiguousarray(indices(_filled(values), low, high).T[::-1]), mode="P")
         picture.putpalette(palette(stops))
+        if not known.all():  # the cells' borders as they are, the colours as smooth as where all is known
+            size = FINER * picture.width, FINER * picture.height
+            mask = Image.fromarray(np.ascontiguousarray(255 * known.T[::-1].astype(np.uint8)))
+            picture = picture.convert("RGB").resize(size, Image.Resampling.BILINEAR)
+            picture.putalpha(mask.resize(size, Image.Resampling.NEAREST))
         file = io.BytesIO()
         picture.save(file, "PNG")
         self.parts.append(f'<image x="{self.left:.2f}" y="{self.top:.2f}" width="{self.width:.2f}" height="{self.height:.2f}" '
                           'preserveAspectRatio="none" '
                           f'href="data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}"/>')
 
-    def contours(self, x: Array, y: Array, values: Array, levels: Sequence[float], width: float) -> None:
-        """Lines of equal value of a field (nx, ny) at places x (nx,) and y (ny,)."""
+    def contours(self, x: Array, y: Array, values: Array, levels: Sequence[float], width: float,
+                 names: Sequence[str] = ()) -> None:
+        """Lines of equal value of a field (nx, ny) at places x (nx,) and y (ny,), each with its name on it where it has one."""
         from contourpy import contour_generator
 
         generator = contour_generator(x, y, np.ma.masked_invalid(values.T))
-        for level in levels:
-            lines = "".join(self._path(np.asarray(line, dtype=np.float64)) for line in generator.lines(level))
+        named: list[Array] = []
+        for k, level in enumerate(levels):
+            lines = [np.asarray(line, dtype=np.float64) for line in generator.lines(level)]
             if lines:
-                self.parts.append(f'<path d="{lines}" stroke="black" stroke-width="{width:g}" fill="none"/>')
+                self.parts.append(f'<path d="{"".join(self._path(line) for line in lines)}" stroke="black" '
+                                  f'stroke-width="{width:g}" fill="none"/>')
+            if lines and names:
+                self._name(self.px(max(lines, key=_length)), names[k], named)
+
+    def _name(self, line: Array, name: str, named: list[Array]) -> None:
+        """A name along a line (n, 2), px, away from those that are there, which are `named`, and near to the map's middle."""
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        room = 0.5 * (0.56 * NAME * len(name) + NAME)
+        if along[-1] < 2.0 * room + NAME:
+            return
+        at = np.linspace(room, along[-1] - room, NAME_SPOTS)
+        spots, before, after = (np.stack([np.interp(at + d, along, line[:, c]) for c in (0, 1)], axis=1)
+                                for d in (0.0, -room, room))
+        apart = np.linalg.norm(spots[:, None] - np.reshape(named, (-1, 2)), axis=2).min(axis=1, initial=NAMES_APART)
+        middle = np.array([self.left + 0.5 * self.width, self.top + 0.5 * self.height])
+        best = int(np.argmax(apart - 0.1 * np.linalg.norm(spots - middle, axis=1)))
+        named.append(spots[best])
+        dx, dy = after[best] - before[best]
+        angle = (np.degrees(np.arctan2(dy, dx)) + UPWARDS) % 180.0 - UPWARDS
+        a, b = spots[best]
+        self.parts.append(f'<g transform="translate({a:.1f} {b:.1f}) rotate({angle:.0f})">'
+                          f'{text(0.0, 0.36 * NAME, name, NAME, INK, "middle", halo=True)}</g>')
+
+    def line(self, points: Array, colour: str, width: float, dash: str = "") -> None:
+        """Polylines (n, 2), mm, one after the other with rows of NaN between."""
+        known = np.isfinite(points).all(axis=1)
+        runs = [run for run in np.split(points, np.flatnonzero(np.diff(known)) + 1) if len(run) > 1 and np.isfinite(run).all()]
+        more = f' stroke-dasharray="{dash}"' if dash else ""
+        self.parts.append(f'<path d="{"".join(self._path(run) for run in runs)}" stroke="{colour}" stroke-width="{width:g}"'
+                          f'{more} fill="none" stroke-linejoin="round"/>')
 
     def ring(self, x: float, y: float) -> None:
         """A ring about a place, seen on any colour."""
@@ -74,7 +115,7 @@ class MapPanel:
         self.over += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="4.6" stroke="{colour}" stroke-width="{width:g}" fill="none"/>'
                       for colour, width in (("white", 3.6), ("black", 1.5))]
 
-    def svg(self, title: Iterable[str], y_numbers: bool) -> str:
+    def svg(self, title: Iterable[str], y_numbers: bool, x_label: str = "x, mm") -> str:
         """The map within its outline, with axes in mm and a title of one or more lines."""
         right, bottom = self.left + self.width, self.top + self.height
         x_min, x_max, y_min, y_max = self.extent
@@ -87,7 +128,7 @@ class MapPanel:
                f'<path d="{self._path(self.rim)}Z" stroke="{RIM}" fill="none"/>', *self.over]
         out += [text(at, bottom + 20.0, words, SMALL, SOFT, "middle")
                 for at, words in zip(x_at, tick_texts(x_ticks), strict=True)]
-        out.append(text(0.5 * (self.left + right), bottom + 37.0, "x, mm", FONT, SOFT, "middle"))
+        out.append(text(0.5 * (self.left + right), bottom + 37.0, x_label, FONT, SOFT, "middle"))
         if y_numbers:
             marks += [f"M{self.left - 4.0:.1f} {at:.1f}h-{TICK:g}" for at in y_at]
             out += [text(self.left - 10.0, at + 4.0, words, SMALL, SOFT, "end")
@@ -109,45 +150,21 @@ class MapPanel:
         return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in self.px(points))
 
 
-@dataclass(frozen=True, slots=True)
-class ColourBar:
-    """An upright scale: its box in px, what its ends stand for, and its colours from below."""
+def _filled(values: Array) -> Array:
+    """The field with the value of the nearest known cell, by columns and then by rows, where there is none."""
+    result = values
+    for _ in range(2):
+        known = np.isfinite(result)
+        rows = np.arange(len(result))[:, None]
+        before = np.maximum.accumulate(np.where(known, rows, -1), axis=0)
+        after = np.minimum.accumulate(np.where(known, rows, len(result))[::-1], axis=0)[::-1]
+        nearest = np.where((before < 0) | ((after < len(result)) & (after - rows < rows - before)), after, before)
+        result = np.take_along_axis(result, np.clip(nearest, 0, len(result) - 1), axis=0).T
+    return result
 
-    left: float
-    top: float
-    width: float
-    height: float
-    ends: Range
-    stops: Stops
-    number: int
 
-    def y(self, value: float) -> float:
-        """Where a value stands, px."""
-        low, high = self.ends
-        return self.top + self.height * (high - value) / (high - low)
-
-    def ticks(self) -> list[float]:
-        """Round values between the ends, as many as have room."""
-        return nice_ticks(*self.ends, max(2, int(self.height / NUMBER_ROOM)))
-
-    def svg(self, label: str, ticks: Sequence[float], words: Sequence[str], marks: Iterable[tuple[float, str]] = ()) -> str:
-        """The scale with numbers at `ticks`, a label, and further values marked across it by name."""
-        right, bottom = self.left + self.width, self.top + self.height
-        stops = [f'<stop offset="{k / (len(self.stops) - 1):.4f}" stop-color="{stop}"/>' for k, stop in enumerate(self.stops)]
-        out = [f'<linearGradient id="b{self.number}" x1="0" y1="1" x2="0" y2="0">', *stops, "</linearGradient>",
-               f'<rect x="{self.left:.1f}" y="{self.top:.1f}" width="{self.width:.1f}" height="{self.height:.1f}" '
-               f'fill="url(#b{self.number})" stroke="{AXIS}" stroke-width="0.8"/>',
-               f'<path d="{" ".join(f"M{right:.1f} {self.y(tick):.1f}h{TICK:g}" for tick in ticks)}" stroke="{AXIS}" '
-               'fill="none"/>']
-        out += [text(right + 7.0, self.y(tick) + 4.0, word, SMALL, SOFT) for tick, word in zip(ticks, words, strict=True)]
-        for value, name in marks:
-            at = self.y(value)
-            out.append(f'<path d="M{self.left:.1f} {at:.1f}H{right + TICK:.1f}" stroke="black" stroke-width="1.6"/>')
-            out.append(text(right + 7.0, at + 4.0, name, SMALL, INK))
-        longest = max([len(word) for word in words] + [len(name) for _, name in marks], default=0)
-        out.append(text(right + 22.0 + 0.56 * SMALL * longest, 0.5 * (self.top + bottom), label, FONT, SOFT, "middle",
-                        upright=True))
-        return "\n".join(out)
+def _length(line: Array) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _ticks(low: float, high: float, most: int) -> list[float]:

@@ -14,10 +14,11 @@ from mirror_cad.deviation import QUANTITIES, Deviation
 from mirror_cad.grid import Grid
 from mirror_cad.laws.words import plain
 from mirror_cad.outline import Outline
+from mirror_studio.report.colour_bar import ColourBar
 from mirror_studio.report.colours import BLUE_ORANGE, VIRIDIS
 from mirror_studio.report.drawing import WIDTH, drawing, nice_ticks, tick_texts
 from mirror_studio.report.fields import DeviationFields, Pair
-from mirror_studio.report.map_panel import ColourBar, MapPanel
+from mirror_studio.report.map_panel import MapPanel
 from mirror_studio.report.text import with_unit
 
 Array = NDArray[np.float64]
