@@ -1,0 +1,1 @@
+"""The commands of `mirror-cad`. Nothing heavy is imported before one of them runs."""
