@@ -71,7 +71,11 @@ def design(spec: MirrorSpec) -> Mirror:
     ------
     SpecError, ProfileError, OutlineError, SurfaceError
         For a mirror that cannot be.
+    TypeError
+        For anything but a specification.
     """
+    if not isinstance(spec, MirrorSpec):
+        raise TypeError(f"design() takes a MirrorSpec, not {type(spec).__name__}: load_spec(…) makes one of a preset or a file")
     outline, read_notes = _outline(spec)
     box = outline.bounding_box()
     if spec.part.transition_mm is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -61,10 +62,15 @@ def load_reflector(path: str | Path, face: str | int | Colour | None = None, nor
         For a file that cannot be read or holds no face.
     TraceError
         For another kind of file, and where no face is the chosen one.
+    TypeError
+        For what is no path.
     """
     from mirror_cad.own_files import hand_of
     from raytrace.seating import seated
 
+    if not isinstance(path, (str, PathLike)):
+        raise TypeError(f"load_reflector() reads a file, and {type(path).__name__} is no path: Reflector.from_mirror(…) takes "
+                        "a designed mirror")
     hand = hand_of(Path(path))
     return seated(_as_filed(Path(path), face, normals, index, progress), hand is not None, place, hand or "left")
 

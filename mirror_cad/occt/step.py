@@ -30,6 +30,7 @@ from mirror_cad.own_files import Hand, hand_in_words, transition_in_words
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
 
+STEP_SUFFIXES = (".step", ".stp")
 OPTICAL_FACE = "optical face"
 FRONT_FACE = "front face"  # of glass that reflects from its back: light goes in and out there
 TRIM_CURVE = "trim curve"
@@ -102,8 +103,12 @@ def write_step(path: Path, parts: list[Part], title: str, hand: Hand | None = No
 
     The header's time follows SOURCE_DATE_EPOCH; it says which hand a mirror is, and where its aspheric part begins.
 
-    Raises: WriteError where the kernel cannot write it.
+    Raises: WriteError where its name or folder is none for it, and where the kernel cannot write it.
     """
+    if path.suffix.lower() not in STEP_SUFFIXES:
+        raise WriteError(f"{path}: a STEP file's name ends in {' or '.join(STEP_SUFFIXES)}; no other is read again")
+    if not path.parent.is_dir():
+        raise WriteError(f"{path}: there is no folder {path.parent}: make it first")
     _silence()
     document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())

@@ -104,7 +104,7 @@ class BSplineSurface:
         Returns
         -------
         ndarray
-            (…) mm; negative away from the centre of a convex mirror.
+            (…) mm; negative away from the centre of a convex mirror. A number for numbers.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class BSplineSurface:
             For a surface that is no height field over its parameters, and outside it.
         """
         self._check_height_field("sag")
-        return self._derivatives(x, y, 0, component=2)[..., 0, 0, 0]
+        return self._derivatives(x, y, 0, component=2)[..., 0, 0, 0][()]
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Evaluate the unit normal at (x, y), towards the driver.

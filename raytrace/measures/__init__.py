@@ -1,8 +1,7 @@
 """Measures of what a mirror shows: one a file, with its definition, unit and source.
 
 By name, as tables and limits know them: `registered()["lane_straightness_percent"].value(use)`, with a `raytrace.MirrorInUse`.
-As functions of a view, each in its file: `from raytrace.measures.disparity import disparity`; those whose name is not that of
-their file are here too.
+As functions of a view, each in its file, `measures.disparity.disparity`; those not named as their file is are here too.
 """
 
 from __future__ import annotations
@@ -27,10 +26,13 @@ __all__ = ["LaneStraightness", "Measure", "angular_sizes", "lane_straightness", 
 
 def __getattr__(name: str) -> object:
     from importlib import import_module
+    from importlib.util import find_spec
 
-    if name not in _HOME:
-        raise AttributeError(f"module 'raytrace.measures' has no attribute {name!r}")
-    return getattr(import_module(f"raytrace.measures.{_HOME[name]}"), name)
+    if name in _HOME:
+        return getattr(import_module(f"raytrace.measures.{_HOME[name]}"), name)
+    if not name.startswith("_") and find_spec(f"raytrace.measures.{name}"):  # always its file, whatever was imported before
+        return import_module(f"raytrace.measures.{name}")
+    raise AttributeError(f"module 'raytrace.measures' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

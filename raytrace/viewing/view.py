@@ -73,6 +73,8 @@ class View:
     ------
     TraceError
         For an eye that no point of the mirror faces.
+    TypeError
+        For anything but a reflector.
     """
 
     reflector: Reflector
@@ -80,6 +82,9 @@ class View:
     eye: Array = None  # type: ignore[assignment]  # set by __post_init__ where none is given
 
     def __post_init__(self) -> None:
+        if not isinstance(self.reflector, Reflector):
+            raise TypeError(f"a View takes a Reflector, not {type(self.reflector).__name__}: load_reflector(…) reads one from "
+                            "a file, Reflector.from_mirror(…) takes a designed mirror")
         if self.eye is None:
             object.__setattr__(self, "eye", self.pose.to_vehicle(eye_position(EYE_DISTANCE_MM, "right", self.box)))
         else:
@@ -128,12 +133,13 @@ class View:
 
         Parameters
         ----------
-        x, y : mm, of any shapes that go together; the rays are numbered as their values are in memory.
+        x, y : mm, of any shapes that go together; the rays are numbered as their values are in memory. Not of the surface: the
+            eye looks past its edge at them, and `trace_over` takes (x, y) of the surface.
 
         Returns
         -------
         TracedRays
-            Of as many rays; a ray that the mirror does not reflect has a status that says why.
+            Of as many rays, in a row; a ray that the mirror does not reflect has NaN and a status that says why.
         """
         at_x, at_y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         return self.trace_points(np.stack([at_x.ravel(), at_y.ravel()], axis=1))
