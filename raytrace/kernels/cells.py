@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import at, clamp
 from raytrace.kernels.compiled import compiled
+from raytrace.kernels.lanes import pitch
 
 Array = NDArray[np.float64]
 
@@ -31,10 +32,11 @@ class Cells(NamedTuple):
     Attributes
     ----------
     powers : degree + 1 in both directions, one of PADDED_POWERS.
-    coefficients : flat, of (u spans, v spans, parts, powers, powers), highest powers first.
+    coefficients : flat, of (u spans, v spans, parts, powers of v, `pitch` of powers of u), highest powers first, then zeros.
     ends_u, ends_v : ends of the spans, then inf.
     middle_u, middle_v : of the spans.
     lookup_u, lookup_v : the span at the start of each of many uniform bins.
+    bins_u, bins_v : how many bins there are to a unit.
     """
 
     powers: int
@@ -45,17 +47,26 @@ class Cells(NamedTuple):
     middle_v: Array
     lookup_u: NDArray[np.int32]
     lookup_v: NDArray[np.int32]
+    bins_u: float
+    bins_v: float
 
 
 @compiled(_nrt=False)
-def span(value, ends, lookup):
+def span(value, ends, lookup, bins):
     """Index of the span that holds a value between ends[0] and ends[-2]; the last span holds its end too."""
-    bins = lookup.size / (ends[-2] - ends[0])
     # Clamped from below too: a NaN becomes the most negative integer.
-    k = lookup[max(min(int((value - ends[0]) * bins), lookup.size - 1), 0)]
-    while value >= ends[k + 1] and k < ends.size - 3:
+    k = lookup[at(max(min(int((value - ends[0]) * bins), lookup.size - 1), 0))]
+    # Nearly every bin holds one end, and on which side of it the value lies is not to be guessed: no branch.
+    k = min(k + int(value >= ends[at(k + 1)]), ends.size - 3)
+    while value >= ends[at(k + 1)] and k < ends.size - 3:
         k += 1
     return k
+
+
+@compiled(_nrt=False)
+def cell_at(cells, u, v):
+    """Indices of the cell that holds a place between the ends."""
+    return span(u, cells.ends_u, cells.lookup_u, cells.bins_u), span(v, cells.ends_v, cells.lookup_v, cells.bins_v)
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -63,11 +74,11 @@ def horner(powers, flat, base, a, b):
     """A polynomial in a and b, whose coefficients begin at base, highest powers first, and its derivatives by a and by b."""
     value = along_a = along_b = 0.0
     for r in range(powers):
-        row = flat[base + r * powers]
+        row = flat[base + r]
         slope = 0.0
         for c in range(1, powers):
             slope = slope * b + row
-            row = row * b + flat[base + r * powers + c]
+            row = row * b + flat[base + c * pitch(powers) + r]
         along_a = along_a * a + value
         value = value * a + row
         along_b = along_b * a + slope
@@ -79,9 +90,9 @@ def _locate(powers, cells, x, y, q):
     """Where the coefficients of the cell nearest to (x, y) begin, and that place from the cell's middle; the place into q."""
     ends_x, ends_y = cells.ends_u, cells.ends_v
     x, y = clamp(x, ends_x[0], ends_x[-2]), clamp(y, ends_y[0], ends_y[-2])
-    i, j = span(x, ends_x, cells.lookup_u), span(y, ends_y, cells.lookup_v)
+    i, j = cell_at(cells, x, y)
     q[AT_X], q[AT_Y] = x, y
-    return at((i * (ends_y.size - 2) + j) * powers * powers), x - cells.middle_u[i], y - cells.middle_v[j]
+    return at((i * (ends_y.size - 2) + j) * powers * pitch(powers)), x - cells.middle_u[i], y - cells.middle_v[j]
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -89,11 +100,11 @@ def _expand(powers, flat, base, a, b, q):
     """A polynomial in a and b, whose coefficients begin at base, its derivatives and half its second ones into q."""
     z = z_a = z_b = z_aa = z_ab = z_bb = 0.0
     for r in range(powers):
-        row, slope, bend = flat[base + r * powers], 0.0, 0.0
+        row, slope, bend = flat[base + r], 0.0, 0.0
         for c in range(1, powers):
             bend = bend * b + slope
             slope = slope * b + row
-            row = row * b + flat[base + r * powers + c]
+            row = row * b + flat[base + c * pitch(powers) + r]
         z_aa = z_aa * a + z_a
         z_a = z_a * a + z
         z = z * a + row

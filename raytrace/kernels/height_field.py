@@ -40,8 +40,9 @@ from raytrace.kernels.blocks import (
     store_all,
     work,
 )
-from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, horner, span, taylor
+from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner, taylor
 from raytrace.kernels.compiled import compiled
+from raytrace.kernels.lanes import RAYS, horner_apart, pitch
 from raytrace.kernels.outcomes import ACCEPTED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.trimming import Strips, in_interior, inside
 
@@ -87,15 +88,17 @@ def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max
 def _evaluate_apart(powers, cells, w):
     """`_evaluate` for rays that each have a cell of their own."""
     flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
+    x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
     for m in range(BLOCK):
-        x, y = clamp(w[X + m], ends_x[0], ends_x[-2]), clamp(w[Y + m], ends_y[0], ends_y[-2])
-        i, j = span(x, ends_x, cells.lookup_u), span(y, ends_y, cells.lookup_v)
-        a, b = x - cells.middle_u[i], y - cells.middle_v[j]
-        base = (i * (ends_y.size - 2) + j) * powers * powers
-        z, z_a, z_b = horner(powers, flat, base, a, b)
-        w[Z + m] = z + z_a * (w[X + m] - x) + z_b * (w[Y + m] - y)
-        w[ZX + m] = z_a
-        w[ZY + m] = z_b
+        x, y = clamp(w[X + m], x_min, x_max), clamp(w[Y + m], y_min, y_max)
+        i, j = cell_at(cells, x, y)
+        w[V0 + m], w[V1 + m] = x - cells.middle_u[i], y - cells.middle_v[j]
+        w[V2 + m] = (i * (ends_y.size - 2) + j) * powers * pitch(powers)
+    for m in range(0, BLOCK, RAYS):
+        horner_apart(powers, flat, w, m, V2, V0, V1, Z, ZX, ZY)
+    for m in range(BLOCK):
+        x, y = clamp(w[X + m], x_min, x_max), clamp(w[Y + m], y_min, y_max)
+        w[Z + m] = w[Z + m] + w[ZX + m] * (w[X + m] - x) + w[ZY + m] * (w[Y + m] - y)
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -109,7 +112,7 @@ def _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w):
         return
     for i in range(i_low, i_high + 1):
         for j in range(j_low, j_high + 1):
-            base = (i * (ends_y.size - 2) + j) * powers * powers
+            base = (i * (ends_y.size - 2) + j) * powers * pitch(powers)
             _evaluate(powers, flat, base, cells.middle_u[i], cells.middle_v[j], x_min, x_max, y_min, y_max, w)
             if covered > 1:
                 from_x = ends_x[i] if i > i_low else -np.inf
@@ -130,10 +133,8 @@ def heights(powers, cells, w):
     ends_x, ends_y = cells.ends_u, cells.ends_v
     x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
     x_low, x_high, y_low, y_high = box(w, X, Y)
-    i_low = span(clamp(x_low, x_min, x_max), ends_x, cells.lookup_u)
-    i_high = span(clamp(x_high, x_min, x_max), ends_x, cells.lookup_u)
-    j_low = span(clamp(y_low, y_min, y_max), ends_y, cells.lookup_v)
-    j_high = span(clamp(y_high, y_min, y_max), ends_y, cells.lookup_v)
+    i_low, j_low = cell_at(cells, clamp(x_low, x_min, x_max), clamp(y_low, y_min, y_max))
+    i_high, j_high = cell_at(cells, clamp(x_high, x_min, x_max), clamp(y_high, y_min, y_max))
     _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
 
 
@@ -260,10 +261,8 @@ def _kernel(powers):
                     j_low = j_high = cell - i_low * (last_y + 1)
                     covered = 1
                 else:
-                    i_low = span(clamp(x_low, x_min, x_max), ends_x, cells.lookup_u)
-                    i_high = span(clamp(x_high, x_min, x_max), ends_x, cells.lookup_u)
-                    j_low = span(clamp(y_low, y_min, y_max), ends_y, cells.lookup_v)
-                    j_high = span(clamp(y_high, y_min, y_max), ends_y, cells.lookup_v)
+                    i_low, j_low = cell_at(cells, clamp(x_low, x_min, x_max), clamp(y_low, y_min, y_max))
+                    i_high, j_high = cell_at(cells, clamp(x_high, x_min, x_max), clamp(y_high, y_min, y_max))
                     covered = (i_high - i_low + 1) * (j_high - j_low + 1)
                     if covered == 1:
                         cell = i_low * (last_y + 1) + j_low

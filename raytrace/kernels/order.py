@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import BLOCK, Results, at
-from raytrace.kernels.cells import MAX_CELLS, span
+from raytrace.kernels.cells import MAX_CELLS, cell_at, span
 from raytrace.kernels.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ class SortingGrid(NamedTuple):
     ----------
     plane : (4,), n and d of n·x + d = 0.
     along_u, along_v : (4,), u = a + b·x + c·y + d·z, and v.
-    ends_u, ends_v, lookup_u, lookup_v : of the cells, as in `raytrace.kernels.cells.Cells`.
+    ends_u, ends_v, lookup_u, lookup_v, bins_u, bins_v : of the cells, as in `raytrace.kernels.cells.Cells`.
     """
 
     plane: Array
@@ -37,6 +37,8 @@ class SortingGrid(NamedTuple):
     ends_v: Array
     lookup_u: NDArray[np.int32]
     lookup_v: NDArray[np.int32]
+    bins_u: float
+    bins_v: float
 
 
 class Room(NamedTuple):
@@ -101,8 +103,8 @@ def _scattered(cells, places, start):
     for n in range(start, start + BLOCK):
         u_low, u_high = min(u_low, places[2 * n]), max(u_high, places[2 * n])
         v_low, v_high = min(v_low, places[2 * n + 1]), max(v_high, places[2 * n + 1])
-    across = span(u_high, cells.ends_u, cells.lookup_u) - span(u_low, cells.ends_u, cells.lookup_u) + 1
-    return across * (span(v_high, cells.ends_v, cells.lookup_v) - span(v_low, cells.ends_v, cells.lookup_v) + 1) > MAX_CELLS
+    (i_low, j_low), (i_high, j_high) = cell_at(cells, u_low, v_low), cell_at(cells, u_high, v_high)
+    return (i_high - i_low + 1) * (j_high - j_low + 1) > MAX_CELLS
 
 
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
@@ -137,7 +139,7 @@ def gathered(cells, origins, directions, room):
     for k in range(rows * columns + 1):
         starts[k] = 0
     for n in range(n_rays):
-        i = span(places[2 * n], ends_u, cells.lookup_u)
+        i = span(places[2 * n], ends_u, cells.lookup_u, cells.bins_u)
         share = (places[2 * n] - ends_u[i]) / (ends_u[i + 1] - ends_u[i])
         first, after = columns_before[i], columns_before[i + 1]
         column = max(min(first + int(share * (after - first)), after - 1), first)

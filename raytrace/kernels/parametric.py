@@ -27,6 +27,9 @@ from raytrace.kernels.blocks import (
     OX,
     OY,
     OZ,
+    V0,
+    V1,
+    V2,
     K,
     P,
     Results,
@@ -46,8 +49,9 @@ from raytrace.kernels.blocks import (
     store_all,
     work,
 )
-from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, horner, span
+from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner
 from raytrace.kernels.compiled import compiled
+from raytrace.kernels.lanes import RAYS, horner_apart, pitch
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.trimming import Strips, in_interior, inside
 
@@ -86,7 +90,7 @@ def _evaluate_parts(powers, parts, flat, base, centre_u, centre_v, w):
     for part in range(parts):
         for m in range(BLOCK):
             a, b = w[U + m] - centre_u, w[V + m] - centre_v
-            value, along_u, along_v = horner(powers, flat, base + part * powers * powers, a, b)
+            value, along_u, along_v = horner(powers, flat, base + part * powers * pitch(powers), a, b)
             w[P + 3 * part * BLOCK + m] = value
             w[P + (3 * part + 1) * BLOCK + m] = along_u
             w[P + (3 * part + 2) * BLOCK + m] = along_v
@@ -98,14 +102,15 @@ def _evaluate_parts_apart(powers, parts, cells, w):
     flat, ends_u, ends_v = cells.coefficients, cells.ends_u, cells.ends_v
     for m in range(BLOCK):
         u, v = clamp(w[U + m], ends_u[0], ends_u[-2]), clamp(w[V + m], ends_v[0], ends_v[-2])
-        i, j = span(u, ends_u, cells.lookup_u), span(v, ends_v, cells.lookup_v)
-        a, b = w[U + m] - cells.middle_u[i], w[V + m] - cells.middle_v[j]
-        base = (i * (ends_v.size - 2) + j) * parts * powers * powers
-        for part in range(parts):
-            value, along_u, along_v = horner(powers, flat, base + part * powers * powers, a, b)
-            w[P + 3 * part * BLOCK + m] = value
-            w[P + (3 * part + 1) * BLOCK + m] = along_u
-            w[P + (3 * part + 2) * BLOCK + m] = along_v
+        i, j = cell_at(cells, u, v)
+        w[V0 + m], w[V1 + m] = w[U + m] - cells.middle_u[i], w[V + m] - cells.middle_v[j]
+        w[V2 + m] = (i * (ends_v.size - 2) + j) * parts * powers * pitch(powers)
+    for part in range(parts):
+        to = P + 3 * part * BLOCK
+        for m in range(0, BLOCK, RAYS):
+            horner_apart(powers, flat, w, m, V2, V0, V1, to, to + BLOCK, to + 2 * BLOCK)
+        for m in range(BLOCK):
+            w[V2 + m] += powers * pitch(powers)
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -113,17 +118,15 @@ def surface(powers, parts, cells, w):
     """S, S_u, S_v at (U, V) into the first nine rows P."""
     flat, ends_u, ends_v = cells.coefficients, cells.ends_u, cells.ends_v
     u_low, u_high, v_low, v_high = box(w, U, V)
-    i_low = span(clamp(u_low, ends_u[0], ends_u[-2]), ends_u, cells.lookup_u)
-    i_high = span(clamp(u_high, ends_u[0], ends_u[-2]), ends_u, cells.lookup_u)
-    j_low = span(clamp(v_low, ends_v[0], ends_v[-2]), ends_v, cells.lookup_v)
-    j_high = span(clamp(v_high, ends_v[0], ends_v[-2]), ends_v, cells.lookup_v)
+    i_low, j_low = cell_at(cells, clamp(u_low, ends_u[0], ends_u[-2]), clamp(v_low, ends_v[0], ends_v[-2]))
+    i_high, j_high = cell_at(cells, clamp(u_high, ends_u[0], ends_u[-2]), clamp(v_high, ends_v[0], ends_v[-2]))
     covered = (i_high - i_low + 1) * (j_high - j_low + 1)
     if covered > MAX_CELLS:
         _evaluate_parts_apart(powers, parts, cells, w)
     else:
         for i in range(i_low, i_high + 1):
             for j in range(j_low, j_high + 1):
-                base = (i * (ends_v.size - 2) + j) * parts * powers * powers
+                base = (i * (ends_v.size - 2) + j) * parts * powers * pitch(powers)
                 _evaluate_parts(powers, parts, flat, base, cells.middle_u[i], cells.middle_v[j], w)
                 if covered > 1:  # each ray keeps the last cell that starts before it
                     from_u = ends_u[i] if i > i_low else -np.inf

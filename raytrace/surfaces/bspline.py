@@ -88,7 +88,7 @@ class BSplineFace(BoundedFace):
             maps = np.array([[*s[:3], -s[:3] @ centre], [s[4] - s[5:8] @ centre, *s[5:8]], [s[8] - s[9:] @ centre, *s[9:]]])
         else:
             return None
-        return SortingGrid(maps[0], maps[1], maps[2], c.ends_u, c.ends_v, c.lookup_u, c.lookup_v)
+        return SortingGrid(maps[0], maps[1], maps[2], c.ends_u, c.ends_v, c.lookup_u, c.lookup_v, c.bins_u, c.bins_v)
 
     @cached_property
     def is_graph(self) -> bool:

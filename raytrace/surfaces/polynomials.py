@@ -12,6 +12,7 @@ from mirror_cad.surfaces.basis import greville_abscissae
 from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.kernels.cells import PADDED_POWERS, Cells
 from raytrace.kernels.height_field import HeightField
+from raytrace.kernels.lanes import pitch
 from raytrace.kernels.parametric import Patches
 from raytrace.kernels.pieces import PolynomialCells
 
@@ -122,10 +123,12 @@ def _padded_cells(surface: BSplineSurface, values: Array) -> Cells | None:
     lookup_u, lookup_v = _lookup(cuts[0]), _lookup(cuts[1])
     if powers is None:
         return None
-    pad = [(0, 0), (0, 0), (0, 0), *((powers - n, 0) for n in coefficients.shape[3:])]
+    *_, n_u, n_v = coefficients.shape
+    rows = np.pad(coefficients.swapaxes(3, 4), [*[(0, 0)] * 3, (powers - n_v, 0), (powers - n_u, pitch(powers) - powers)])
     ends_u, ends_v = (np.append(ends, np.inf) for ends in cuts)
     middle_u, middle_v = (_middles(ends) for ends in cuts)
-    return Cells(powers, np.pad(coefficients, pad).ravel(), ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v)
+    bins_u, bins_v = (len(bins) / float(ends[-1] - ends[0]) for bins, ends in zip((lookup_u, lookup_v), cuts, strict=True))
+    return Cells(powers, rows.ravel(), ends_u, ends_v, middle_u, middle_v, lookup_u, lookup_v, bins_u, bins_v)
 
 
 def _cuts(knots: Array, degree: int) -> Array:
