@@ -226,6 +226,40 @@ def test_a_layers_name_chooses_its_faces(tmp_path: Path) -> None:
     assert raytrace.load_reflector(tmp_path / "layers.step", "glass").outline()[:, 0].min() == pytest.approx(80.0)
 
 
+def test_a_face_has_its_own_colour_and_layer_before_its_parts(tmp_path: Path) -> None:
+    """Every other face of a block has a colour and every third a layer, and the block has both."""
+    from build123d import Box
+    from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
+
+    from mirror_cad.occt.shapes import faces_of
+
+    document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colours, layers = XCAFDoc_DocumentTool.ColorTool_s(document.Main()), XCAFDoc_DocumentTool.LayerTool_s(document.Main())
+    block = Box(40, 40, 10).wrapped
+    part = shapes.AddShape(block, False)
+    colours.SetColor(part, Quantity_Color(1.0, 1.0, 0.0, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
+    layers.SetLayer(part, TCollection_ExtendedString("block"))
+    for k, face in enumerate(faces_of(block)):
+        label = shapes.AddSubShape(part, face)
+        if k % 2:
+            colours.SetColor(label, Quantity_Color(0.0, 0.2 * k, 1.0, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
+        if k % 3 == 0:
+            layers.SetLayer(label, TCollection_ExtendedString(f"side {k}"))
+    writer = STEPCAFControl_Writer()
+    writer.SetColorMode(True)
+    writer.SetLayerMode(True)
+    writer.Transfer(document)
+    writer.Write(str(tmp_path / "block.step"))
+    found = read_cad(tmp_path / "block.step").faces
+    assert [face.colour for face in found] == [(0, 51 * k, 255) if k % 2 else (255, 255, 0) for k in range(6)]
+    assert [face.layers for face in found] == [(f"side {k}", "block") if k % 3 == 0 else ("block",) for k in range(6)]
+
+
 def test_faces_are_listed_with_what_they_are_called(assembly: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import json
 

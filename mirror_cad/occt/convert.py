@@ -66,14 +66,10 @@ def bspline_arrays(geom: Geom_BSplineSurface) -> BSplineArrays:
         if geom.IsVPeriodic():
             geom.SetVNotPeriodic()
     nu, nv = geom.NbUPoles(), geom.NbVPoles()
-    poles = np.empty((nu, nv, 3))
-    weights = np.empty((nu, nv)) if geom.IsURational() or geom.IsVRational() else None
-    for i in range(nu):
-        for j in range(nv):
-            pole = geom.Pole(i + 1, j + 1)
-            poles[i, j] = pole.X(), pole.Y(), pole.Z()
-            if weights is not None:
-                weights[i, j] = geom.Weight(i + 1, j + 1)
+    places = [(i, j) for i in range(1, nu + 1) for j in range(1, nv + 1)]
+    poles = np.array([geom.Pole(*place).Coord() for place in places]).reshape(nu, nv, 3)
+    rational = geom.IsURational() or geom.IsVRational()
+    weights = np.array([geom.Weight(*place) for place in places]).reshape(nu, nv) if rational else None
     return (
         geom.UDegree(), geom.VDegree(),
         np.repeat([geom.UKnot(i + 1) for i in range(geom.NbUKnots())],

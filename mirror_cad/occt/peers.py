@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import build123d
 import cadquery
 import numpy as np
 from numpy.typing import NDArray
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_BSplineSurface
 from OCP.GeomAbs import GeomAbs_C2
@@ -89,6 +91,19 @@ def perforated_plate_step(path: Path, holes: int) -> None:
     plate = cadquery.Workplane().box(side, side, thickness).faces(">Z").workplane().rarray(pitch, pitch, holes, holes).hole(
         0.4 * pitch)
     cadquery.exporters.export(plate, str(path))
+
+
+def tiled_sheet_step(path: Path, tiles: int, poles: int) -> None:
+    """Write a convex sheet of 400 mm in `tiles` untrimmed bicubic faces each way, of `poles` poles each way, as STEP."""
+    ends = np.linspace(-200.0, 200.0, tiles + 1)
+    knots = [np.concatenate([3 * [a], np.linspace(a, b, poles - 2), 3 * [b]]) for a, b in pairwise(ends)]
+    middles = [np.mean([each[1 + k:1 + k + poles] for k in range(3)], axis=0) for each in knots]
+    faces = []
+    for i, j in product(range(tiles), repeat=2):
+        x, y = np.meshgrid(middles[i], middles[j], indexing="ij")
+        surface = BSplineSurface(3, 3, knots[i], knots[j], np.stack([x, y, -(x * x + y * y) / 2500.0], axis=2))
+        faces.append(cadquery.Face(BRepBuilderAPI_MakeFace(to_geom_surface(surface), RESOLUTION_MM).Face()))
+    cadquery.exporters.export(cadquery.Workplane(obj=cadquery.Compound.makeCompound(faces)), str(path))
 
 
 def local_properties(surface: BSplineSurface) -> Callable[[Array, Array], tuple[Array, Array, Array]]:

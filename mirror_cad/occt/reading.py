@@ -19,10 +19,9 @@ from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
 from OCP.GeomAbs import GeomAbs_OffsetSurface, GeomAbs_SurfaceType
 from OCP.GProp import GProp_GProps
-from OCP.IFSelect import IFSelect_RetDone
+from OCP.IFSelect import IFSelect_RetDone, IFSelect_SelectModelEntities, IFSelect_SelectType
 from OCP.IGESCAFControl import IGESCAFControl_Reader
 from OCP.Interface import Interface_Static
-from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.Standard import Standard_Failure
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
@@ -33,17 +32,11 @@ from OCP.TDF import TDF_Label, TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
-from OCP.XCAFDoc import (
-    XCAFDoc_ColorGen,
-    XCAFDoc_ColorSurf,
-    XCAFDoc_ColorTool,
-    XCAFDoc_DocumentTool,
-    XCAFDoc_LayerTool,
-    XCAFDoc_ShapeTool,
-)
+from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
 from mirror_cad.errors import FileError
 from mirror_cad.guarded_child import report
+from mirror_cad.occt.appearance import Appearance, Colour
 from mirror_cad.occt.convert import (
     Array,
     BSplineArrays,
@@ -58,7 +51,6 @@ from mirror_cad.occt.shapes import faces_of, solids_of
 from mirror_cad.occt.tessellate import face_mesh, triangulate
 from mirror_cad.surfaces.quadric import Quadric
 
-Colour = tuple[int, int, int]
 # Of a face as `listed` tells it: name, names of the parts it belongs to, layers, colour, surface, area in mm² or None.
 Listed = tuple[str, tuple[str, ...], tuple[str, ...], Colour | None, str, float | None]
 
@@ -255,9 +247,10 @@ class _Statements:
 
     def __init__(self, reader: STEPControl_Reader) -> None:
         self._transfer = reader.WS().TransferReader()
-        model = reader.WS().Model()
-        entities = [model.Value(k) for k in range(1, model.NbEntities() + 1)]
-        self._names = {entity: _entity_name(entity) for entity in entities if isinstance(entity, StepShape_AdvancedFace)}
+        faces = IFSelect_SelectType(StepShape_AdvancedFace.get_type_descriptor_s())
+        faces.SetInput(IFSelect_SelectModelEntities())
+        statements = reader.WS().SelectionResult(faces)
+        self._names = {statements.Value(k): _entity_name(statements.Value(k)) for k in range(1, statements.Length() + 1)}
 
     def name(self, face: TopoDS_Face) -> str:
         return self._names.get(self._of(face), "") if any(self._names.values()) else ""
@@ -302,8 +295,7 @@ def _of_brep(path: str) -> Read:
 
 
 def _of_document(document: TDocStd_Document, statements: _Statements | None) -> Iterator[Found]:
-    colours = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
-    layers = XCAFDoc_DocumentTool.LayerTool_s(document.Main())
+    appearance = Appearance(document)
     roots = TDF_LabelSequence()
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(roots)
     for k in range(1, roots.Length() + 1):
@@ -315,7 +307,7 @@ def _of_document(document: TDocStd_Document, statements: _Statements | None) -> 
             for face, solid in zip(faces_of(shape), owners, strict=True):
                 asked = [each for each in (face, solid, shape, bare) if each is not None]
                 name = statements.name(face) if statements is not None else ""
-                yield Found(face, name, parts, _layers_of(layers, asked, above), _first_colour(colours, asked, above))
+                yield Found(face, name, parts, appearance.layers(asked, above), appearance.colour(asked, above))
 
 
 Leaf = tuple[TDF_Label, TopLoc_Location, tuple[str, ...], tuple[TDF_Label, ...]]
@@ -356,53 +348,3 @@ def _label_name(label: TDF_Label) -> str:
     name = TDataStd_Name()
     said = str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
     return "" if said.startswith("=>[") else said  # the kernel's own, for an instance without one
-
-
-def _rgb(colour: Quantity_Color) -> Colour:
-    red, green, blue = (round(255 * float(value)) for value in colour.Values(Quantity_TOC_sRGB))
-    return red, green, blue
-
-
-def _first_colour(tool: XCAFDoc_ColorTool, shapes: list[TopoDS_Shape], above: tuple[TDF_Label, ...]) -> Colour | None:
-    """Of the first of the shapes that has one, else of the nearest label above that has."""
-    found = next((c for c in (_colour_of(tool, each) for each in shapes) if c is not None), None)
-    return found or next((c for c in (_label_colour(each) for each in reversed(above)) if c is not None), None)
-
-
-def _colour_of(tool: XCAFDoc_ColorTool, shape: TopoDS_Shape) -> Colour | None:
-    """Of a shape where it is placed, or of the part that is placed there."""
-    colour = Quantity_Color()
-    for placed in (shape, shape.Located(TopLoc_Location())):
-        for kind in (XCAFDoc_ColorSurf, XCAFDoc_ColorGen):
-            if tool.GetColor(placed, kind, colour):
-                return _rgb(colour)
-    return None
-
-
-def _label_colour(label: TDF_Label) -> Colour | None:
-    colour = Quantity_Color()
-    for kind in (XCAFDoc_ColorSurf, XCAFDoc_ColorGen):
-        if XCAFDoc_ColorTool.GetColor_s(label, kind, colour):
-            return _rgb(colour)
-    return None
-
-
-def _layers_of(tool: XCAFDoc_LayerTool, shapes: list[TopoDS_Shape], above: tuple[TDF_Label, ...]) -> tuple[str, ...]:
-    """Names of the layers that a face, its solid or a part above it lies on."""
-    found: dict[str, None] = {}
-    sequences = []
-    for shape in shapes:
-        for placed in (shape, shape.Located(TopLoc_Location())):
-            labels = TDF_LabelSequence()
-            if tool.GetLayers(placed, labels):
-                sequences.append(labels)
-    for label in above:
-        labels = TDF_LabelSequence()
-        if tool.GetLayers(label, labels):
-            sequences.append(labels)
-    for labels in sequences:
-        for k in range(1, labels.Length() + 1):
-            name = TCollection_ExtendedString()
-            if tool.GetLayer(labels.Value(k), name):
-                found[str(name.ToExtString())] = None
-    return tuple(found)
