@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.surfaces.collocation import collocate_height, knot_vector
 from mirror_cad.surfaces.quadric import Quadric
-from mirror_studio.rules.measuring import Measured
+from mirror_studio.rules.measuring import RuleQuantities
 from mirror_studio.rules.schema import load_rule
 from raytrace.reflector import Reflector
 from raytrace.surfaces.bspline import BSplineFace
@@ -52,5 +52,5 @@ def torus(equator: float, tube: float, width: float = 180.0, height: float = 120
     return Reflector(BSplineFace(collocate_height(sag, knots_x, knots_y, 9), (rectangle(width, height),)))
 
 
-def measured(reflector: Reflector, rule: str = "R46", leg_mm: float = 38.1) -> Measured:
-    return Measured(reflector, load_rule(rule), leg_mm)
+def measured(reflector: Reflector, rule: str = "R46", leg_mm: float = 38.1) -> RuleQuantities:
+    return RuleQuantities.of(reflector, load_rule(rule), leg_mm)

@@ -13,12 +13,14 @@ import pytest
 from mirror_cad.errors import SpecError
 from mirror_studio.cli import BAD_INPUT, run
 from mirror_studio.rules.ground import field_margin, hidden_share, missing_ground
-from mirror_studio.rules.measuring import Measured, Mounted
-from mirror_studio.rules.obstruction import Body, Piece, obstructed_share
+from mirror_studio.rules.measuring import RuleQuantities
+from mirror_studio.rules.mounted import Mounted
+from mirror_studio.rules.obstruction import Piece, VehicleBody, obstructed_share
 from mirror_studio.rules.run import body_of, loads_of
 from mirror_studio.rules.settings import Load, adjusted, lowered, turned_by, under_load
 from mirror_studio.rules.verdicts import judged
 from mirror_studio.scene_file import load_scene
+from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose, TiltedPose
 from raytrace.viewing.vehicle import Eyes
 from tests.rule_mirrors import measured, plane, sphere
@@ -28,9 +30,9 @@ from tests.test_spherometer import line
 GALLERY = Path(__file__).parent.parent / "docs" / "rules"
 
 
-def mounted(yaw_deg: float = 22.0, pitch_deg: float = 3.0) -> Measured:
+def mounted(yaw_deg: float = 22.0, pitch_deg: float = 3.0, reflector: Reflector | None = None) -> RuleQuantities:
     pose = Pose(CENTRE, np.zeros(3), math.radians(yaw_deg), math.radians(pitch_deg))
-    return replace(measured(sphere(1250.0, 180.0, 240.0)), mounted=Mounted(pose, EYES, HOST))
+    return measured(reflector or sphere(1250.0, 180.0, 240.0)).mounted_as(Mounted(pose, EYES, HOST))
 
 
 # --- adjustment -------------------------------------------------------------------------------------------------------
@@ -54,7 +56,7 @@ def test_range_ends_where_the_field_is_no_longer_seen() -> None:
 
 
 def test_mirror_that_shows_no_such_field_says_so() -> None:
-    m = replace(mounted(), reflector=plane(40.0, 40.0))
+    m = mounted(reflector=plane(40.0, 40.0))
     _, found = adjusted(m, "II", 3.0)
     assert (found.yaw_range_deg, found.pitch_range_deg) == (None, None)
     assert found.margin_m < 0.0
@@ -80,7 +82,7 @@ def test_refused(arguments: list[str], said: str, tmp_path: Path, capsys: pytest
 
 
 def test_load_lowers_front_and_rear_by_what_it_says() -> None:
-    there = lowered(mounted().on_vehicle, Load("full", -5.0, 60.0))
+    there = lowered(mounted().on_vehicle.mounted, Load("full", -5.0, 60.0))
     assert isinstance(there.pose, TiltedPose)
     for x, down in ((HOST.front_mm, -5.0), (HOST.rear_mm, 60.0)):
         point = there.pose.tilted(np.array([x, 0.0, 0.0]))
@@ -92,16 +94,16 @@ def test_load_lowers_front_and_rear_by_what_it_says() -> None:
 def test_even_load_is_a_lower_vehicle() -> None:
     m, asked = mounted(22.0, 6.0), field([[4.0, 0.0, 1.0], [20.0, 0.0, 4.0], [np.inf, 0.0, 4.0]])
     found = under_load(m, asked, Load("even", 50.0, 50.0))
-    there, down = m.on_vehicle, np.array([0.0, 0.0, 50.0])
-    low = replace(m, mounted=replace(there, pose=replace(there.pose, centre=CENTRE - down), eyes=Eyes(EYES.middle - down)))
-    other = low.missing(asked)
+    there, down = m.on_vehicle.mounted, np.array([0.0, 0.0, 50.0])
+    low = m.mounted_as(replace(there, pose=replace(there.pose, centre=CENTRE - down), eyes=Eyes(EYES.middle - down)))
+    other = low.on_vehicle.missing(asked)
     assert (found.missing_m2, found.least_margin_m) == pytest.approx((other.missing_m2, other.margin_m), abs=1e-6)
     assert found.seen_to_the_horizon is other.horizon
 
 
 def test_rear_that_sinks_looks_up_less() -> None:
     """A plane mirror tilted with the body by t turns what it shows by t, not by 2t: eye and mirror turn together."""
-    there = mounted().on_vehicle
+    there = mounted().on_vehicle.mounted
     load = Load("rear", 0.0, 72.0)
     low = lowered(there, load)
     normal = there.pose.directions_to_vehicle(np.array([0.0, 0.0, 1.0]))
@@ -131,7 +133,7 @@ def test_grid_agrees_with_the_exact_share_of_a_box() -> None:
     behind = required(field([[4.0, -1.0, 0.0], [8.0, -1.0, 0.0]]))
     exact = hidden_share(*pair, behind, HOST)
     assert 0.1 < exact < 1.0
-    assert obstructed_share(*pair, behind, HOST, Body(), False, 1e5) == pytest.approx(exact, abs=0.01)
+    assert obstructed_share(*pair, behind, HOST, VehicleBody(), False, 1e5) == pytest.approx(exact, abs=0.01)
 
 
 def test_pillar_before_both_eyes_hides_all_and_before_one_hides_little() -> None:
@@ -140,9 +142,9 @@ def test_pillar_before_both_eyes_hides_all_and_before_one_hides_little() -> None
     asked = required(field([[4.0, 0.0, 1.0], [20.0, 0.0, 4.0]]))
     eye, mirror = EYES.middle, CENTRE
     at = eye + 0.6 * (mirror - eye)
-    both = Body(opaque=(wall(at[0], (at[1] - 150.0, at[1] + 150.0), (at[2] - 200.0, at[2] + 200.0)),))
+    both = VehicleBody(opaque=(wall(at[0], (at[1] - 150.0, at[1] + 150.0), (at[2] - 200.0, at[2] + 200.0)),))
     near = 0.5 * (EYES.right + mirror)
-    one = Body(opaque=(Piece("post", near + np.array([[0.0, -8.0, -300.0], [0.0, 8.0, -300.0], [0.0, 8.0, 300.0],
+    one = VehicleBody(opaque=(Piece("post", near + np.array([[0.0, -8.0, -300.0], [0.0, 8.0, -300.0], [0.0, 8.0, 300.0],
                                                        [0.0, -8.0, 300.0]])),))
     assert obstructed_share(*pair, asked, HOST, both, False, 1e5) == pytest.approx(1.0)
     assert obstructed_share(*pair, asked, HOST, one, False, 1e5) < 0.2
@@ -153,7 +155,7 @@ def test_half_a_field_behind_a_wall_is_half_of_it() -> None:
     mirror that looks along it, but for what rays from different places of the mirror make of the wall's edge."""
     pair = views(plane(200.0, 240.0), 22.0, 0.0)
     asked = required(field([[30.0, 0.0, 4.0], [30.5, 0.0, 4.0]]))
-    body = Body(opaque=(wall(29_900.0, (-2870.0, 2870.0), (-10.0, 3000.0)),))
+    body = VehicleBody(opaque=(wall(29_900.0, (-2870.0, 2870.0), (-10.0, 3000.0)),))
     free = 1.0 - missing_ground(*pair, asked).missing_m2 / asked.area_m2
     assert obstructed_share(*pair, asked, HOST, body, False, 1e5) == pytest.approx(0.5 * free, abs=0.02)
 
@@ -169,16 +171,16 @@ def test_inside_mirror_looks_out_of_its_windows() -> None:
     mirror = on_vehicle("inside", plane(230.0, 60.0), scene)
     asked = line(judged(measured(plane()), "I"), "field_obstructed_percent").asked.field
     assert asked is not None
-    at = replace(measured(plane(230.0, 60.0)), mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
+    at = measured(plane(230.0, 60.0)).mounted_as(Mounted(mirror.pose, mirror.eyes, mirror.host)).on_vehicle
     ground = at.required(asked)
 
-    def share(of: Body, upright: bool = True) -> float:
+    def share(of: VehicleBody, upright: bool = True) -> float:
         return obstructed_share(at.views.left, at.views.right, ground, mirror.host, of, upright, 1e5)
 
     wide = wall(2800.0, (-900.0, 900.0), (0.0, 1450.0))
-    assert share(Body(inside=True)) == 0.0
-    assert share(Body(windows=(wide,), inside=True)) == 0.0
-    assert share(Body(windows=(wall(2800.0, (-900.0, 900.0), (0.0, 10.0)),), inside=True)) == pytest.approx(1.0)
+    assert share(VehicleBody(inside=True)) == 0.0
+    assert share(VehicleBody(windows=(wide,), inside=True)) == 0.0
+    assert share(VehicleBody(windows=(wall(2800.0, (-900.0, 900.0), (0.0, 10.0)),), inside=True)) == pytest.approx(1.0)
     assert 0.0 < share(body) < 0.15
 
 
@@ -190,7 +192,7 @@ def test_share_on_an_upright_plane_is_that_of_a_screen() -> None:
     # From the mirror's height h over X: a wall at 59 m as high as the ray to 120 m passes there.
     height, away = CENTRE[2], 59_000.0 - CENTRE[0]
     top = height * (1.0 - away / (120_000.0 - CENTRE[0]))
-    body = Body(opaque=(wall(59_000.0, (-9000.0, 9000.0), (-10.0, top)),))
+    body = VehicleBody(opaque=(wall(59_000.0, (-9000.0, 9000.0), (-10.0, top)),))
     found = obstructed_share(*pair, asked, HOST, body, True, 1e5)
     assert found == pytest.approx(0.75, abs=0.05)
 

@@ -14,8 +14,10 @@ import pytest
 
 from mirror_cad.errors import SpecError
 from mirror_studio.cli import BAD_INPUT, DONE, MISSED, run
-from mirror_studio.rules.measuring import RECTANGLE_MM, Measured, Mounted
+from mirror_studio.rules.measuring import RuleQuantities
+from mirror_studio.rules.mounted import Mounted
 from mirror_studio.rules.schema import QUANTITIES, LineSection, RuleFile, load_rule, rule_names
+from mirror_studio.rules.shape import RECTANGLE_MM
 from mirror_studio.rules.verdicts import TAKE, judged
 from raytrace.reflector import Reflector
 from raytrace.viewing.pose import Pose
@@ -126,9 +128,9 @@ def test_every_quantity_is_measured_and_every_line_says_how_sure_it_is() -> None
 # --- verdicts ---------------------------------------------------------------------------------------------------------
 
 
-def mounted(reflector: Reflector, rule: str = "R46") -> Measured:
+def mounted(reflector: Reflector, rule: str = "R46") -> RuleQuantities:
     pose = Pose(CENTRE, np.zeros(3), np.radians(22.0), np.radians(3.0))
-    return replace(measured(reflector, rule), mounted=Mounted(pose, EYES, HOST))
+    return measured(reflector, rule).mounted_as(Mounted(pose, EYES, HOST))
 
 
 def test_freeform_mirror_is_open_where_the_wording_is() -> None:
@@ -151,7 +153,8 @@ def test_gb_asks_more_of_a_high_class_v() -> None:
     """Below 2.4 m only 2 m outward are asked for, above also 4.5 m."""
     m = mounted(sphere(400.0), "GB15084")
     assert sum(each.asked.quantity == "field_missing_m2" for each in judged(m, "V")) == 1
-    high = replace(m, mounted=replace(m.on_vehicle, pose=replace(m.on_vehicle.pose, centre=CENTRE + [0.0, 0.0, 900.0])))
+    there = m.on_vehicle.mounted
+    high = m.mounted_as(replace(there, pose=replace(there.pose, centre=CENTRE + [0.0, 0.0, 900.0])))
     assert sum(each.asked.quantity == "field_missing_m2" for each in judged(high, "V")) == 2
 
 

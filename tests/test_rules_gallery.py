@@ -10,7 +10,7 @@ import pytest
 
 from mirror_cad.design_stages import design
 from mirror_cad.spec.file import load_spec
-from mirror_studio.rules.run import Asked, measured_mirror, scene_with_eyes
+from mirror_studio.rules.run import RuleRequest, measured_mirror, scene_with_eyes
 from mirror_studio.rules.schema import load_rule
 from mirror_studio.rules.verdicts import judged
 from tests.test_spherometer import line
@@ -27,7 +27,7 @@ def case(mirror: str, rule_name: str, class_name: str, scene: str) -> list[str]:
     """The row's last three cells: r, the missing ground, and what is missed or open beside what no file tells."""
     rule = load_rule(rule_name)
     file = GALLERY / mirror
-    asked = Asked(str(file) if file.exists() else mirror, rule_name, class_name, str(GALLERY / scene))
+    asked = RuleRequest(str(file) if file.exists() else mirror, rule_name, class_name, str(GALLERY / scene))
     _, measured = measured_mirror(asked, rule, scene_with_eyes(str(GALLERY / scene)))
     of = judged(measured, class_name)
     named = {each.asked.quantity for each in of}
@@ -73,7 +73,7 @@ def test_all_classes_of_all_rules_of_a_step_file_take_two_seconds(preset: str, t
     rules = [load_rule(name) for name in ("R46", "GB15084", "FMVSS111", "r46-04")]
     for _ in range(2):
         begun, lines = time.process_time(), 0
-        _, measured = measured_mirror(Asked(str(path), "R46", None, "motorway"), rules[0], scene)
+        _, measured = measured_mirror(RuleRequest(str(path), "R46", None, "motorway"), rules[0], scene)
         for rule in rules:
             of = measured.by_rule(rule)
             lines += sum(len(judged(of, name)) for name in rule.classes)
@@ -84,11 +84,12 @@ def test_all_classes_of_all_rules_of_a_step_file_take_two_seconds(preset: str, t
 
 def test_another_rule_measures_the_same_as_by_itself() -> None:
     """What is taken over from the first rule is what the second finds alone, and its own readings are its own."""
-    _, first = measured_mirror(Asked("sphere-1250", "R46", None, "motorway"), load_rule("R46"), scene_with_eyes("motorway"))
+    asked, scene = RuleRequest("sphere-1250", "R46", None, "motorway"), scene_with_eyes("motorway")
+    _, first = measured_mirror(asked, load_rule("R46"), scene)
     judged(first, "VII"), judged(first, "II")
     for name, kind in (("FMVSS111", "passenger"), ("GB15084", "II")):
         rule = load_rule(name)
-        _, alone = measured_mirror(Asked("sphere-1250", name, None, "motorway"), rule, scene_with_eyes("motorway"))
+        _, alone = measured_mirror(RuleRequest("sphere-1250", name, None, "motorway"), rule, scene)
         shared = [each.as_json() for each in judged(first.by_rule(rule), kind)]
         assert shared == [each.as_json() for each in judged(alone, kind)]
     assert len(first.by_rule(load_rule("FMVSS111")).radii.at) == 5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,7 +20,7 @@ from mirror_studio.report.page import _rules_verdict
 from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.verdict_table import rule_requirements
-from mirror_studio.rules.measuring import Mounted
+from mirror_studio.rules.mounted import Mounted
 from mirror_studio.rules.of_spec import SpecRules, measured_of, rule_of_spec, surface_lines
 from raytrace.reflector import Reflector
 
@@ -164,9 +163,8 @@ def test_glass_before_the_mirror_is_told_beside_its_reflectance() -> None:
     told = line(list(found.lines), "reflectance_percent")
     assert (told.value, told.verdict) == (55.0, "met")
     assert told.notes == ("the front of the glass alone reflects 4.3 % at 25°, a ghost beside the image",)
-    measured = measured_of(spec, found, reflector)
     mirror = on_vehicle("glass", reflector, scene_with_eyes("motorway"), spec)
-    there = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
+    there = measured_of(spec, found, mirror.reflector, Mounted(mirror.pose, mirror.eyes, mirror.host))
     (note,) = line(judged(there, "III", {"reflectance_percent"}), "reflectance_percent").notes
     assert re.search(r"up to \d+\.\d′ from it for an eye between the driver's, \d+\.\d′ on average", note)
     bare = surface_lines(load_spec("sphere-1250").model_copy(update={"rules": spec.rules}), Reflector.from_mirror(

@@ -16,8 +16,8 @@ from mirror_cad.outline.transition import transition_line
 from mirror_cad.own_files import hand_of, transition_of
 from mirror_cad.spec.file import load_spec, spec_as_json, validate_spec
 from mirror_cad.surfaces.quadric import Quadric
-from mirror_studio.rules.measuring import Measured, Told
-from mirror_studio.rules.run import Asked, measured_mirror
+from mirror_studio.rules.measuring import RuleQuantities, StatedProperties
+from mirror_studio.rules.run import RuleRequest, measured_mirror
 from mirror_studio.rules.schema import load_rule
 from mirror_studio.rules.verdicts import judged
 from raytrace.errors import TraceError
@@ -38,9 +38,9 @@ def aspheric(hand: str = "left", transition_mm: float = X_MM, **rules: object) -
     return design(validate_spec(raw | ({"rules": rules} if rules else {})))
 
 
-def measured(mirror: Mirror, rule: str = "R46") -> Measured:
-    told = Told(transition_mm=mirror.spec.part.transition_mm)
-    return Measured(Reflector.from_mirror(mirror), load_rule(rule), 38.1, None, told)
+def measured(mirror: Mirror, rule: str = "R46") -> RuleQuantities:
+    told = StatedProperties(transition_mm=mirror.spec.part.transition_mm)
+    return RuleQuantities.of(Reflector.from_mirror(mirror), load_rule(rule), 38.1, None, told)
 
 
 def test_line_ends_on_the_outline() -> None:
@@ -144,12 +144,12 @@ def test_aspheric_part_too_narrow_or_too_tight_is_missed() -> None:
 
 
 def test_sphere_is_asked_for_no_aspheric_part() -> None:
-    of = judged(Measured(sphere(1250.0), load_rule("R46"), 38.1), "III")
+    of = judged(RuleQuantities.of(sphere(1250.0), load_rule("R46"), 38.1), "III")
     assert not [each for each in of if each.asked.quantity in ("aspheric_width_mm", "radius_least_mm")]
 
 
 def test_file_without_the_line_leaves_its_width_open() -> None:
-    unmarked = Measured(Reflector.from_mirror(aspheric()), load_rule("R46"), 38.1)
+    unmarked = RuleQuantities.of(Reflector.from_mirror(aspheric()), load_rule("R46"), 38.1)
     found = line(judged(unmarked, "III"), "aspheric_width_mm")
     assert (found.value, found.verdict) == (None, "open")
     assert "--transition-mm" in found.notes[0]
@@ -157,7 +157,7 @@ def test_file_without_the_line_leaves_its_width_open() -> None:
 
 def test_surface_that_cannot_be_cut_is_said() -> None:
     with pytest.raises(TraceError, match="a transition line at x = 0 mm needs a mirror that is one B-spline"):
-        _ = Measured(sphere(1250.0), load_rule("R46"), 38.1, None, Told(transition_mm=0.0)).main.radii
+        _ = RuleQuantities.of(sphere(1250.0), load_rule("R46"), 38.1, None, StatedProperties(transition_mm=0.0)).main.radii
 
 
 def test_faces_part_a_file_where_one_of_them_is_a_sphere() -> None:
@@ -168,14 +168,14 @@ def test_faces_part_a_file_where_one_of_them_is_a_sphere() -> None:
     right = np.array([[-23.0, -140.0], [100.0, -140.0], [100.0, 140.0], [-23.0, 140.0]])
     main = QuadricFace(quadric, (np.arcsin(right / 1250.0),))
     outer = BSplineFace(mirror.surface, (outboard_of(loop, X_MM),))
-    m = Measured(Reflector.of_faces((main, outer)), load_rule("R46"), 38.1)
+    m = RuleQuantities.of(Reflector.of_faces((main, outer)), load_rule("R46"), 38.1)
     of = judged(m, "III")
     assert line(of, "radius_r_mm").value == pytest.approx(1250.0, abs=1e-5)
     assert line(of, "radius_r_mm").notes[0] == "of the main part, the spherical one of its faces"
     assert line(of, "sphere_departure_mm").verdict == "met"
     assert line(of, "aspheric_width_mm").value == pytest.approx(92.0, abs=1e-3)
     assert 493.0 < (line(of, "radius_least_mm").value or 0.0) < 600.0  # no foot stands beyond the edge of a face
-    one = Measured(Reflector(main), load_rule("R46"), 38.1)
+    one = RuleQuantities.of(Reflector(main), load_rule("R46"), 38.1)
     assert one.main is one
 
 
@@ -186,7 +186,7 @@ def test_file_of_ours_says_where_its_aspheric_part_begins(hand: str, tmp_path: P
     aspheric(hand).export_step(path)
     assert transition_of(path) == X_MM
     assert hand_of(path) == hand
-    found = measured_mirror(Asked(str(path), "R46", "III"), load_rule("R46"), None)[1]
+    found = measured_mirror(RuleRequest(str(path), "R46", "III"), load_rule("R46"), None)[1]
     assert line(judged(found, "III"), "aspheric_width_mm").value == pytest.approx(92.0, abs=1e-6)
     path.write_text(path.read_text("ascii").replace("'mirror-cad'", "'other'"), encoding="ascii")
     assert transition_of(path) is None

@@ -91,12 +91,12 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
 
         check_pdf()
     from mirror_studio.progress import Progress
-    from mirror_studio.rules.measuring import Told
-    from mirror_studio.rules.run import Asked
+    from mirror_studio.rules.measuring import StatedProperties
+    from mirror_studio.rules.run import RuleRequest
     from mirror_studio.rules.run import rules as run
     from raytrace.seating import place_from
 
-    asked = Asked(mirror, rule, class_, vehicle, leg_mm, place_from(place),
-                  Told(reflectance_percent, reflectance_night_percent, transition_mm), adjust_deg)
+    asked = RuleRequest(mirror, rule, class_, vehicle, leg_mm, place_from(place),
+                        StatedProperties(reflectance_percent, reflectance_night_percent, transition_mm), adjust_deg)
     content, missed = run(asked, out or Path("exports") / f"{Path(mirror).stem}-rules", Progress(), pdf)
     return finish(content, missed, json)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.rules.measuring import Mounted
+from mirror_studio.rules.mounted import Mounted
 from mirror_studio.rules.of_spec import measured_of, rule_of_spec
 from mirror_studio.rules.schema import QUANTITIES
 from mirror_studio.rules.verdicts import ON_VEHICLE, RuleLine, judged
@@ -63,9 +62,10 @@ def rule_figures(spec: MirrorSpec, reflector: Reflector, vehicle: OnVehicle | No
     named = rule_of_spec(spec)
     if named is None:
         return dict.fromkeys(wanted)
-    measured = measured_of(spec, named, reflector)
-    if vehicle is not None:
-        measured = replace(measured, reflector=vehicle.reflector, mounted=Mounted(vehicle.pose, vehicle.eyes, vehicle.host))
+    if vehicle is None:
+        measured = measured_of(spec, named, reflector)
+    else:
+        measured = measured_of(spec, named, vehicle.reflector, Mounted(vehicle.pose, vehicle.eyes, vehicle.host))
     only = None if MISSED in wanted else {name.removesuffix(MARGIN) for name in wanted}
     lines = judged(measured, named.class_name, only)
     found: dict[str, float | None] = {}

@@ -50,7 +50,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class VehicleBody:
     """What of the vehicle hides.
 
     opaque : pieces that hide from eye to mirror and from mirror to ground.   windows : by which alone rays get out of the
@@ -80,7 +80,7 @@ class Body:
         return found
 
 
-def obstructed_share(left: View, right: View, required: RequiredGround, host: HostVehicle, body: Body, upright: bool,
+def obstructed_share(left: View, right: View, required: RequiredGround, host: HostVehicle, body: VehicleBody, upright: bool,
                      up_to_mm: float) -> float:
     """Compute the share of a field that either eye would see in the mirror but for the body, on an even grid of its ground.
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from mirror_cad.errors import SpecError
 from mirror_cad.spec import MirrorSpec
-from mirror_studio.rules.measuring import Measured, Told
+from mirror_studio.rules.measuring import RuleQuantities, StatedProperties
+from mirror_studio.rules.mounted import Mounted
 from mirror_studio.rules.schema import RuleFile, load_rule
 from mirror_studio.rules.verdicts import ON_VEHICLE, RuleLine, judged
 from raytrace.reflector import Reflector
@@ -40,17 +41,18 @@ def rule_of_spec(spec: MirrorSpec) -> SpecRules | None:
                          for fault in error.faults]) from None
 
 
-def told_of(spec: MirrorSpec) -> Told:
+def stated_by(spec: MirrorSpec) -> StatedProperties:
     """What a specification says of its mirror that the shape does not tell."""
     rules = spec.rules
-    return Told(*((None, None) if rules is None else (rules.reflectance_percent, rules.reflectance_night_percent)),
-                spec.part.transition_mm)
+    if rules is None:
+        return StatedProperties(transition_mm=spec.part.transition_mm)
+    return StatedProperties(rules.reflectance_percent, rules.reflectance_night_percent, spec.part.transition_mm)
 
 
-def measured_of(spec: MirrorSpec, named: SpecRules, reflector: Reflector) -> Measured:
+def measured_of(spec: MirrorSpec, named: SpecRules, reflector: Reflector, mounted: Mounted | None = None) -> RuleQuantities:
     """The mirror of a specification, in mirror coordinates, as the rule that it names measures it."""
     leg = named.rule.leg_mm if spec.rules is None or spec.rules.leg_mm is None else spec.rules.leg_mm
-    return Measured(reflector, named.rule, leg, None, told_of(spec))
+    return RuleQuantities.of(reflector, named.rule, leg, mounted, stated_by(spec))
 
 
 def surface_lines(spec: MirrorSpec, reflector: Reflector) -> SpecRules | None:

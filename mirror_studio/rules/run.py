@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,13 @@ from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.pipeline import hashes, stated_placement, versions, write_json
 from mirror_studio.drive.mirrors import on_vehicle, reflector_named
 from mirror_studio.progress import Progress
-from mirror_studio.rules.measuring import NOTHING_TOLD, Measured, Mounted, Told
-from mirror_studio.rules.obstruction import FLAT_MM, Body, Piece
-from mirror_studio.rules.of_spec import told_of
+from mirror_studio.rules.measuring import NOTHING_STATED, RuleQuantities, StatedProperties
+from mirror_studio.rules.mounted import Mounted
+from mirror_studio.rules.obstruction import FLAT_MM, Piece, VehicleBody
+from mirror_studio.rules.of_spec import stated_by
 from mirror_studio.rules.schema import RuleFile, load_rule
 from mirror_studio.rules.settings import Load, adjusted, check_adjustment, under_load
-from mirror_studio.rules.sheet import Mirror, write_sheet
+from mirror_studio.rules.sheet import SheetTitle, write_sheet
 from mirror_studio.rules.verdicts import RuleLine, judged
 from mirror_studio.scene_file import SceneFile, load_scene
 from raytrace.errors import TraceError
@@ -31,7 +32,7 @@ MIN_LEG_MM, LONGEST_LEG_MM = 1.0, 300.0
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class RuleRequest:
     """What one sheet is of: a mirror's name or file, a rule's, a class of it, a scene, the spherometer's feet, and what is
     known of the mirror beside its shape. Without a class the one that the rule's file has first in mind; without a scene no
     fields. adjust_deg : within which a setting is looked for that shows most; without it the scene's own counts.
@@ -43,11 +44,11 @@ class Asked:
     vehicle: str | None = None
     leg_mm: float | None = None
     place: Place = "auto"
-    told: Told = NOTHING_TOLD
+    stated: StatedProperties = NOTHING_STATED
     adjust_deg: float | None = None
 
 
-def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[dict[str, Any], tuple[str, ...]]:
+def rules(asked: RuleRequest, out: Path, progress: Progress, pdf: bool = False) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Write rules.json, rules.csv and rules.html into `out`, which is replaced as a whole; returns what rules.json holds, and
     the lines that are missed, in words.
 
@@ -59,7 +60,7 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
     if asked.leg_mm is not None and not MIN_LEG_MM <= asked.leg_mm <= LONGEST_LEG_MM:
         raise SpecError(f"--leg-mm {asked.leg_mm:g}: must be from {MIN_LEG_MM:g} to {LONGEST_LEG_MM:g} mm, between the outer "
                         "feet")
-    for key, value in (("", asked.told.reflectance_percent), ("night-", asked.told.reflectance_night_percent)):
+    for key, value in (("", asked.stated.reflectance_percent), ("night-", asked.stated.reflectance_night_percent)):
         if value is not None and not 0.0 <= value <= 100.0:
             raise SpecError(f"--reflectance-{key}percent {value:g}: must be from 0 to 100")
     if asked.adjust_deg is not None:
@@ -69,7 +70,7 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
     with new_set(out) as folder:
         progress.step(f"{asked.mirror}: reading")
         name, measured = measured_mirror(asked, rule, scene)
-        stated_placement(name, measured.reflector, progress)
+        stated_placement(name, measured.shape.reflector, progress)
         progress.step(f"{name}: {rule.rule}, {rule.edition}, class {class_name}")
         adjustment = None
         try:
@@ -87,7 +88,7 @@ def rules(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tup
         write_json(folder / "rules.json", content)
         write_csv(folder / "rules.csv", lines)
         vehicle = None if scene is None else scene.name
-        write_sheet(folder / "rules.html", Mirror(name, class_name, vehicle), measured, lines, adjustment, loaded)
+        write_sheet(folder / "rules.html", SheetTitle(name, class_name, vehicle), measured, lines, adjustment, loaded)
         if pdf:
             from mirror_studio.report.pdf import write_pdf
 
@@ -107,28 +108,29 @@ def scene_with_eyes(name_or_path: str) -> SceneFile:
     return scene
 
 
-def measured_mirror(asked: Asked, rule: RuleFile, scene: SceneFile | None) -> tuple[str, Measured]:
+def measured_mirror(asked: RuleRequest, rule: RuleFile, scene: SceneFile | None) -> tuple[str, RuleQuantities]:
     """The mirror's name, and what is measured of it."""
     name, reflector, spec = reflector_named(asked.mirror, asked.place)
     own_leg = None if spec is None or spec.rules is None else spec.rules.leg_mm
     leg = next(each for each in (asked.leg_mm, own_leg, rule.leg_mm) if each is not None)
     in_file = reflector.placement is None or reflector.placement.source == "file"
-    own = told_of(spec) if spec is not None else Told(transition_mm=transition_of(Path(asked.mirror)) if in_file else None)
-    measured = Measured(reflector, rule, leg, None, _stated(asked.told, own))
-    measured.outline  # noqa: B018  a face with holes is refused before it is aimed
+    own = stated_by(spec) if spec is not None else StatedProperties(
+        transition_mm=transition_of(Path(asked.mirror)) if in_file else None)
+    measured = RuleQuantities.of(reflector, rule, leg, stated=_stated(asked.stated, own))
+    measured.shape.outline  # noqa: B018  a face with holes is refused before it is aimed
     if scene is None:
         return name, measured
     try:
         mirror = on_vehicle(name, reflector, scene, spec)
-        on_road = replace(measured, reflector=mirror.reflector,
-                          mounted=Mounted(mirror.pose, mirror.eyes, mirror.host, body_of(scene)))
-        on_road.views  # noqa: B018  an eye that cannot look into it is refused here
+        mounted = Mounted(mirror.pose, mirror.eyes, mirror.host, body_of(scene))
+        on_road = RuleQuantities.of(mirror.reflector, rule, leg, mounted, measured.stated)
+        on_road.on_vehicle.views  # noqa: B018  an eye that cannot look into it is refused here
     except TraceError as error:
         raise TraceError(f"{name}: {error}") from None
     return name, on_road
 
 
-def body_of(scene: SceneFile) -> Body:
+def body_of(scene: SceneFile) -> VehicleBody:
     """What of the scene's vehicle hides. Raises: SpecError for a piece that is not flat."""
     own = scene.own_vehicle
     opaque, windows = (tuple(Piece(each.name, 1e3 * np.array(each.corners_m)) for each in pieces)
@@ -137,7 +139,7 @@ def body_of(scene: SceneFile) -> Body:
         if piece.off_plane_mm > FLAT_MM:
             raise SpecError(f"scene {scene.name!r}: the corners of {piece.name!r} are {piece.off_plane_mm:.0f} mm off one "
                             f"plane, at most {FLAT_MM:g}: cut it into flat pieces")
-    return Body(opaque, windows, scene.mirror.inside)
+    return VehicleBody(opaque, windows, scene.mirror.inside)
 
 
 def loads_of(scene: SceneFile | None) -> tuple[Load, ...]:
@@ -145,17 +147,19 @@ def loads_of(scene: SceneFile | None) -> tuple[Load, ...]:
     return () if scene is None else tuple(Load(each.name, 1e3 * each.front_m, 1e3 * each.rear_m) for each in scene.load)
 
 
-def _stated(told: Told, own: Told) -> Told:
+def _stated(now: StatedProperties, own: StatedProperties) -> StatedProperties:
     """What is known of a mirror beside its shape: what is stated now, and else what its specification or file says."""
-    return Told(*(getattr(own, each.name) if (value := getattr(told, each.name)) is None else value for each in fields(Told)))
+    return StatedProperties(**{each.name: getattr(own, each.name) if (value := getattr(now, each.name)) is None else value
+                               for each in fields(StatedProperties)})
 
 
-def _content(name: str, measured: Measured, class_name: str, lines: Sequence[RuleLine], asked: Asked) -> dict[str, Any]:
+def _content(name: str, measured: RuleQuantities, class_name: str, lines: Sequence[RuleLine], asked: RuleRequest,
+             ) -> dict[str, Any]:
     rule = measured.rule
-    leg_checked = rule.leg_checked if measured.leg_mm == rule.leg_mm and asked.leg_mm is None else "stated"
+    leg_checked = rule.leg_checked if measured.readings.leg_mm == rule.leg_mm and asked.leg_mm is None else "stated"
     content: dict[str, Any] = {
         "schema": 1, "mirror": name, "rule": rule.rule, "title": rule.title, "edition": rule.edition, "class": class_name,
-        "wording": rule.wording, "spherometer": {"leg_mm": measured.leg_mm, "checked": leg_checked},
+        "wording": rule.wording, "spherometer": {"leg_mm": measured.readings.leg_mm, "checked": leg_checked},
         "eyes": {"separation_mm": rule.eyes.separation_mm, "above_r_mm": rule.eyes.above_r_mm, "checked": rule.eyes.checked},
         "vehicle": asked.vehicle, "radii_mm": _readings(measured), "lines": [line.as_json() for line in lines], "fields": []}
     for line in lines:
@@ -168,7 +172,7 @@ def _content(name: str, measured: Measured, class_name: str, lines: Sequence[Rul
     return content
 
 
-def _readings(measured: Measured) -> list[dict[str, object]]:
+def _readings(measured: RuleQuantities) -> list[dict[str, object]]:
     """Each reading, where and what; null where it is flat."""
     radii = measured.radii
     return [{"at_mm": at.tolist(), "readings_mm": [float(r) if abs(r) != float("inf") else None for r in pair]}

@@ -12,7 +12,8 @@ import numpy as np
 from mirror_cad.errors import SpecError
 from mirror_studio.json_types import Json
 from mirror_studio.rules.ground import field_margin, missing_ground
-from mirror_studio.rules.measuring import Measured, Mounted
+from mirror_studio.rules.measuring import RuleQuantities
+from mirror_studio.rules.mounted import Mounted
 from mirror_studio.rules.schema import FieldSection
 from mirror_studio.rules.verdicts import applying, part_of
 from raytrace.errors import TraceError
@@ -67,7 +68,7 @@ class Adjustment:
         return said.replace("-", "−")
 
 
-def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured, Adjustment]:
+def adjusted(m: RuleQuantities, class_name: str, within_deg: float) -> tuple[RuleQuantities, Adjustment]:
     """Turn a mirror to the middle of the settings at which it shows all fields of a class.
 
     One such setting is looked for on a grid about the scene's own, and then in ever smaller steps; from there yaw and pitch go
@@ -75,7 +76,7 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
 
     Parameters
     ----------
-    m : Measured
+    m : RuleQuantities
         On its vehicle.
     class_name : str
         Whose fields.
@@ -84,7 +85,7 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
 
     Returns
     -------
-    Measured, Adjustment
+    RuleQuantities, Adjustment
         The mirror at the best setting, and what that is.
 
     Raises
@@ -92,7 +93,7 @@ def adjusted(m: Measured, class_name: str, within_deg: float) -> tuple[Measured,
     SpecError
         For a range that is none, a mirror on no vehicle, and a class without fields.
     """
-    check_adjustment(within_deg, m.mounted is not None)
+    check_adjustment(within_deg, m.seen is not None)
     fields = [line.field for line in applying(m, class_name) if line.quantity == "field_missing_m2" and line.field is not None]
     if not fields:
         raise SpecError(f"--adjust-deg: class {class_name} of {m.rule.rule} asks for no field of vision")
@@ -135,18 +136,18 @@ def check_adjustment(within_deg: float, on_vehicle: bool) -> None:
         raise SpecError("--adjust-deg needs --vehicle: fields of vision are those of a mirror on one")
 
 
-def turned_by(m: Measured, yaw_deg: float, pitch_deg: float) -> Measured:
+def turned_by(m: RuleQuantities, yaw_deg: float, pitch_deg: float) -> RuleQuantities:
     """The mirror with its yaw and pitch changed."""
-    there = m.on_vehicle
+    there = m.on_vehicle.mounted
     pose = replace(there.pose, yaw=there.pose.yaw + math.radians(yaw_deg), pitch=there.pose.pitch + math.radians(pitch_deg))
-    return replace(m, mounted=replace(there, pose=pose))
+    return m.mounted_as(replace(there, pose=pose))
 
 
-def _margin(m: Measured, fields: Sequence[FieldSection]) -> float:
+def _margin(m: RuleQuantities, fields: Sequence[FieldSection]) -> float:
     """The least margin of fields, mm; −inf where an eye does not see the mirror."""
-    part = part_of(m, "field_missing_m2")
+    seen = part_of(m, "field_missing_m2").on_vehicle
     try:
-        return min(field_margin(part.views.left, part.views.right, part.required(each)) for each in fields)
+        return min(field_margin(seen.views.left, seen.views.right, seen.required(each)) for each in fields)
     except TraceError:
         return -math.inf
 
@@ -209,8 +210,8 @@ def lowered(there: Mounted, load: Load) -> Mounted:
                    host=HostVehicle(host.half_width_mm, host.front_mm, host.rear_mm, height))
 
 
-def under_load(m: Measured, asked: FieldSection, load: Load) -> LoadedField:
+def under_load(m: RuleQuantities, asked: FieldSection, load: Load) -> LoadedField:
     """What of a field the mirror shows under a load, as it was set without it."""
-    part = part_of(replace(m, mounted=lowered(m.on_vehicle, load)), "field_missing_m2")
-    found = missing_ground(part.views.left, part.views.right, part.required(asked))
+    seen = part_of(m.mounted_as(lowered(m.on_vehicle.mounted, load)), "field_missing_m2").on_vehicle
+    found = missing_ground(seen.views.left, seen.views.right, seen.required(asked))
     return LoadedField(load.name, found.missing_m2, found.horizon, found.margin_m)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mirror_studio.report.text import fixed, templates
 from mirror_studio.rules.ground import MissingGround
-from mirror_studio.rules.measuring import Measured
+from mirror_studio.rules.measuring import RuleQuantities
 from mirror_studio.rules.settings import Adjustment, LoadedField
 from mirror_studio.rules.verdicts import RuleLine
 from raytrace.viewing.vehicle import HostVehicle
@@ -27,7 +27,7 @@ LEFT_PX, BELOW_PX, X_TICKS = 60.0, 36.0, 9  # for the scales
 
 
 @dataclass(frozen=True, slots=True)
-class Mirror:
+class SheetTitle:
     """What the sheet is of: a mirror, the class it is taken for, and the scene that it is mounted in, if any."""
 
     name: str
@@ -51,15 +51,15 @@ class Row:
     notes: tuple[str, ...]
 
 
-def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[RuleLine], adjustment: Adjustment | None = None,
-                loaded: Mapping[str, Sequence[LoadedField]] = NO_LOADS) -> None:
+def write_sheet(path: Path, mirror: SheetTitle, measured: RuleQuantities, lines: Sequence[RuleLine],
+                adjustment: Adjustment | None = None, loaded: Mapping[str, Sequence[LoadedField]] = NO_LOADS) -> None:
     """Write the page; it embeds all it shows."""
     rule = measured.rule
-    fields = [(line.asked.text, plan(line.ground, None if measured.mounted is None else measured.mounted.host))
+    fields = [(line.asked.text, plan(line.ground, None if measured.seen is None else measured.seen.mounted.host))
               for line in lines if line.ground is not None]
     facts = [("Rule", f"{rule.title}, {rule.edition}"), ("Class", mirror.class_name),
              ("Wording", rule.wording),
-             ("Spherometer", f"outer feet {measured.leg_mm:g} mm apart, on the surface itself"),
+             ("Spherometer", f"outer feet {measured.readings.leg_mm:g} mm apart, on the surface itself"),
              ("Eyes", f"{rule.eyes.separation_mm:g} mm apart ({CHECKED[rule.eyes.checked]}), where the scene "
                       f"{mirror.vehicle!r} has them; the rule: {rule.eyes.above_r_mm:g} mm above R" if mirror.vehicle else
               "no vehicle was given, so no field is measured"),
@@ -74,11 +74,12 @@ def write_sheet(path: Path, mirror: Mirror, measured: Measured, lines: Sequence[
     path.write_text(page, encoding="utf-8")
 
 
-def _not_looked_at(measured: Measured, adjustment: Adjustment | None, loaded: Mapping[str, Sequence[LoadedField]]) -> str:
+def _not_looked_at(measured: RuleQuantities, adjustment: Adjustment | None, loaded: Mapping[str, Sequence[LoadedField]]) -> str:
     """What the scene could have had, and has not."""
-    if measured.mounted is None:
+    if measured.seen is None:
         return ""
-    left = [("pillars and windows", bool(measured.mounted.body.opaque or measured.mounted.body.windows)),
+    body = measured.seen.mounted.body
+    left = [("pillars and windows", bool(body.opaque or body.windows)),
             ("other settings of the mirror (--adjust-deg)", adjustment is not None),
             ("loads ([[load]] of the scene)", any(loaded.values()))]
     return "".join(f"{what}, " for what, there in left if not there)

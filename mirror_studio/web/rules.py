@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from mirror_cad.errors import SpecError
@@ -55,7 +55,7 @@ def ruled(one: Designed, look: ViewSettings, fine: bool) -> dict[str, Json]:
         For a rule, class or mirror that there cannot be.
     """
     # With the tracer, which the page's start does not wait for.
-    from mirror_studio.rules.measuring import Mounted
+    from mirror_studio.rules.mounted import Mounted
     from mirror_studio.rules.of_spec import measured_of, rule_of_spec
     from mirror_studio.rules.sheet import row_of
     from mirror_studio.rules.verdicts import ON_VEHICLE, judged
@@ -64,17 +64,18 @@ def ruled(one: Designed, look: ViewSettings, fine: bool) -> dict[str, Json]:
     named = rule_of_spec(spec)
     if named is None:
         return {"lines": []}
-    measured = measured_of(spec, named, one.reflector)
     on_road = look.view == "road"
     if on_road and fine:
         from mirror_studio.web.motorway import MountParameters, driven
 
         mirror = driven(one, MountParameters.of(look))
-        measured = replace(measured, reflector=mirror.reflector, mounted=Mounted(mirror.pose, mirror.eyes, mirror.host))
-    only = None if measured.mounted is not None else set(QUANTITIES) - set(ON_VEHICLE)
+        measured = measured_of(spec, named, mirror.reflector, Mounted(mirror.pose, mirror.eyes, mirror.host))
+    else:
+        measured = measured_of(spec, named, one.reflector)
+    only = None if measured.seen is not None else set(QUANTITIES) - set(ON_VEHICLE)
     rows: list[dict[str, Json]] = [{**asdict(row_of(line)), "quantity": line.asked.quantity}
                                    for line in judged(measured, named.class_name, only)]
     return {"rule": named.rule.rule, "edition": named.rule.edition, "class": named.class_name, "wording": named.rule.wording,
-            "vehicle": measured.mounted is not None, "pending": on_road and not fine,
+            "vehicle": measured.seen is not None, "pending": on_road and not fine,
             "lines": rows}
 
