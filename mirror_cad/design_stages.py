@@ -192,7 +192,7 @@ def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, mod
         degree = SPHERE_DEGREE if degree == "auto" else degree
     task = FitTask(model.integrated, domain, outline.bounding_box(),
                    orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
-                   lambda x: designed.percent_of(x, rms), position_mm, percent, ends)
+                   lambda x: designed.reference_curvature(x, rms), position_mm, percent, ends)
     if surface.fit == "collocation":
         return fit_by_collocation(task, degree, surface.spans)
     from mirror_cad.occt.fit import fit_by_kernel

@@ -54,8 +54,8 @@ class DesignedCurvature:
         # The laws depend on x alone: each column of cells counts as often as it has cells inside, the edge not at all.
         return rms_norm(self.shape(grid.cells_x), grid.inside.sum(axis=1, dtype=np.float64))
 
-    def percent_of(self, x: Array, rms: float) -> Array:
-        """What counts as 100 % for k1 and k2: the designed pair, larger first, not below the floor.
+    def reference_curvature(self, x: Array, rms: float) -> Array:
+        """What counts as 100 % for k1 and k2 at x, as the function `reference_curvature` has it.
 
         Parameters
         ----------
@@ -69,11 +69,11 @@ class DesignedCurvature:
         ndarray
             (n, 2), 1/mm.
         """
-        return percent_scale(self.shape(x), rms)
+        return reference_curvature(self.shape(x), rms)
 
 
-def percent_scale(designed: ShapeOperator, rms: float) -> Array:
-    """The designed pair in size, larger curvature first, nowhere below FLOOR of the RMS.
+def reference_curvature(designed: ShapeOperator, rms: float) -> Array:
+    """What counts as 100 % for k1 and k2: the designed pair in size, larger curvature first, not below FLOOR of the RMS.
 
     Parameters
     ----------

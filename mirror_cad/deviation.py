@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.designed import FLOOR, DesignedCurvature, percent_scale
+from mirror_cad.designed import FLOOR, DesignedCurvature, reference_curvature
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mesh_deviation import MeshDeviation, stl_deviation
@@ -343,7 +343,7 @@ def compare_stages(
     # A limit in percent says nothing of a plane.
     part = None if limit_percent is None or rms == 0.0 else _within(total, np.inf, limit_percent)
     return Deviation(grid, stages, total, _explained(states, rms, grid), _rays(stages, states.step, limit_percent),
-                     numerical, part, states, None if rms == 0.0 else percent_of(differences(
+                     numerical, part, states, None if rms == 0.0 else in_percent(differences(
                          states.step.shape, designed.shape), designed.shape, rms), of_laws)
 
 
@@ -362,7 +362,7 @@ def differences(after: ShapeOperator, before: ShapeOperator) -> CurvatureFields:
     return CurvatureFields(a[0] - b[0], a[1] - b[1], after.w11 - before.w11, after.w22 - before.w22, after.w12 - before.w12)
 
 
-def percent_of(difference: CurvatureFields, designed: ShapeOperator, rms: float) -> CurvatureFields:
+def in_percent(difference: CurvatureFields, designed: ShapeOperator, rms: float) -> CurvatureFields:
     """Differences of curvature in percent of the local designed value, and nowhere of less than `FLOOR` of the RMS.
 
     Parameters
@@ -374,7 +374,7 @@ def percent_of(difference: CurvatureFields, designed: ShapeOperator, rms: float)
     rms
         RMS ‖diag(1/Rx, 1/Ry)‖ over the mirror, 1/mm, above 0; twist is in percent of this.
     """
-    pair, floor = percent_scale(designed, rms), FLOOR * rms
+    pair, floor = reference_curvature(designed, rms), FLOOR * rms
     scale = (pair[..., 0], pair[..., 1], np.maximum(np.abs(designed.w11), floor), np.maximum(np.abs(designed.w22), floor),
              np.asarray(rms))
     return CurvatureFields(*(100.0 * value / size for value, size in zip(difference, scale, strict=True)))
@@ -434,7 +434,7 @@ def _of_surface(surface: BSplineSurface, grid: Grid) -> SurfaceState:
 
 def _deviation(after: SurfaceState, before: SurfaceState, designed: ShapeOperator, rms: float, grid: Grid) -> StageDeviation:
     per_mm = differences(after.shape, before.shape)
-    percent = (None,) * len(per_mm) if rms == 0.0 else percent_of(per_mm, designed, rms)
+    percent = (None,) * len(per_mm) if rms == 0.0 else in_percent(per_mm, designed, rms)
     k1, k2, kx, ky, twist = (_quantity(*each, grid) for each in zip(per_mm, percent, strict=True))
     sag = after.height - before.height
     highest = index_of_largest(np.abs(sag), grid)

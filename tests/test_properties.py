@@ -111,7 +111,7 @@ def law_is_realised(horizontal: dict[str, Any], vertical: dict[str, Any]) -> Non
         return
     assert mirror.fit.met, mirror.fit
     assert np.abs(got["s"][:, 2] - want.z).max() <= 1e-5
-    scale = mirror.curvature.percent_of(x, rms)
+    scale = mirror.curvature.reference_curvature(x, rms)
     if swinging:
         scale = np.maximum(scale, np.abs(exact).max(axis=1, keepdims=True))
     if scale.max() > 0.0:
@@ -183,7 +183,7 @@ def survives_step(horizontal: dict[str, Any], vertical: dict[str, Any]) -> None:
         read = read_step(path).optical_surface()
     x, y = np.meshgrid(np.linspace(-114.0, 114.0, 21), np.linspace(-130.0, 130.0, 21))
     assert np.abs(read.evaluate(x, y) - mirror.surface.evaluate(x, y)).max() < 1e-9
-    scale = mirror.curvature.percent_of(x.ravel(), mirror.curvature.rms(mirror.outline)).reshape(*x.shape, 2)
+    scale = mirror.curvature.reference_curvature(x.ravel(), mirror.curvature.rms(mirror.outline)).reshape(*x.shape, 2)
     if scale.max() > 0.0:
         difference = np.abs(principal_curvatures(read, x, y) - principal_curvatures(mirror.surface, x, y))
         assert (100.0 * difference / scale).max() <= 1e-6  # percent: what the STEP stage may add

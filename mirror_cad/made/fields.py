@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.designed import FLOOR, percent_scale
+from mirror_cad.designed import FLOOR, reference_curvature
 from mirror_cad.deviation import CurvatureFields, Quantity, differences
 from mirror_cad.made.gauge import at_points, disc, on_gauge
 from mirror_cad.made.nominal import Nominal
@@ -180,7 +180,7 @@ def _without_bias(found: CurvatureFields, before: ShapeOperator, after: ShapeOpe
 
 def _scales(designed: ShapeOperator, rms: float) -> CurvatureFields:
     """What counts as 100 %, as in deviation.json."""
-    pair, floor = percent_scale(designed, rms), FLOOR * rms
+    pair, floor = reference_curvature(designed, rms), FLOOR * rms
     return CurvatureFields(pair[..., 0], pair[..., 1], np.maximum(np.abs(designed.w11), floor),
                            np.maximum(np.abs(designed.w22), floor), np.full(len(pair), rms))
 

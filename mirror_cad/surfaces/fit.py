@@ -69,7 +69,7 @@ class Fit:
     degree: int
     spans: tuple[int, int]
     position_error_mm: float
-    curvature_error_percent: float | None  # None for a plane, which has no percent
+    curvature_error_percent: float | None
     worst_at_mm: tuple[float, float]
     seconds: float
     met: bool
@@ -87,7 +87,7 @@ class FitTask:
         (x_min, x_max, y_min, y_max), mm.
     breaks : tuple
         (x, continuous derivatives) where z(x, ·) has few of them.
-    percent_of : callable
+    reference_curvature : callable
         x (n,) -> (n, 2), the curvature, 1/mm, that counts as 100 % for k1 and k2; zeros for a plane.
     position_tolerance_mm, curvature_tolerance_percent : float
         What the surface is to keep to.
@@ -99,7 +99,7 @@ class FitTask:
     domain: tuple[float, float, float, float]
     judged: tuple[float, float, float, float]
     breaks: tuple[tuple[float, int], ...]
-    percent_of: Callable[[Array], Array]
+    reference_curvature: Callable[[Array], Array]
     position_tolerance_mm: float
     curvature_tolerance_percent: float
     ends: tuple[Array, Array] | None = None
@@ -108,7 +108,7 @@ class FitTask:
     def points_of_small_curvature(self) -> Array:
         """x where what counts as 100 % is a small share of its largest value: none for a law that keeps its size."""
         x = np.linspace(self.judged[0], self.judged[1], 2001)[1:-1]
-        scale = self.percent_of(x)
+        scale = self.reference_curvature(x)
         small = x[(scale < SMALL_CURVATURE * scale.max(axis=0)).any(axis=1)]
         return small[:: max(1, -(-len(small) // MAX_SMALL))]
 
@@ -205,6 +205,8 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
     knots = knot_vector(ends_x, task.breaks, degree), knot_vector(ends_y, (), degree)
     surface = collocate_height(task.sag.height, *knots, degree)
     x_min, x_max, y_min, y_max = task.judged
+
+    # The surface and the sag at samples: along each axis those off the sites come first, the sites after them.
     inside_x, span_x = _inside(ends_x, x_min, x_max, DENSEST_X, task.points_of_small_curvature)
     inside_y, span_y = _inside(ends_y, y_min, y_max, DENSEST_Y)
     sites_x = _sites_within(surface.knots_u, degree, x_min, x_max)
@@ -214,33 +216,38 @@ def _try(task: FitTask, ends_x: Array, ends_y: Array, degree: int) -> tuple[Fit,
     y = np.clip(y, y_min, y_max)
     got = _sag_of(surface, x, y)
     want = task.sag.derivatives(x[:, None], y)
-    percent_of = task.percent_of(x)
-    curved = bool(np.any(percent_of > 0))
-    m, n = len(inside_x), len(inside_y)
-
     position = np.abs(got.z - want.z)
-    allowed = np.maximum(0.01 * task.curvature_tolerance_percent * percent_of.min(axis=1), np.finfo(float).tiny)[:, None]
-    bend_x = np.abs(got.zxx - want.zxx)[:m, n:] / allowed[:m] if curved else None
-    bend_y = np.abs(got.zyy - want.zyy)[m:, :n] / allowed[m:] if curved else None
-    along_x, along_y = _parts(position[:m, n:], bend_x, 1, task, degree), _parts(position[m:, :n], bend_y, 0, task, degree)
-    judged = (inside_x >= x_min) & (inside_x <= x_max)
+    reference = task.reference_curvature(x)
+    curved = bool(np.any(reference > 0))
+
+    # What each direction misses by itself.
+    off_sites_x, sites_along_x = slice(0, len(inside_x)), slice(len(inside_x), None)
+    off_sites_y, sites_along_y = slice(0, len(inside_y)), slice(len(inside_y), None)
+    exact_in_y, exact_in_x = (off_sites_x, sites_along_y), (sites_along_x, off_sites_y)
+    allowed = np.maximum(0.01 * task.curvature_tolerance_percent * reference.min(axis=1), np.finfo(float).tiny)[:, None]
+    bend_x = np.abs(got.zxx - want.zxx)[exact_in_y] / allowed[off_sites_x] if curved else None
+    bend_y = np.abs(got.zyy - want.zyy)[exact_in_x] / allowed[sites_along_x] if curved else None
+    along_x = _parts(position[exact_in_y], bend_x, 1, task, degree)
+    along_y = _parts(position[exact_in_x], bend_y, 0, task, degree)
     # Spans that touch the judged edges count in full: across a break only few derivatives are continuous, but those are.
     near = (ends_x[span_x + 1] >= x_min) & (ends_x[span_x] <= x_max)
     lenient = along_x * np.where(near, 1.0, OUTSIDE_SHARE ** (1.0 / (degree - 1)))
     parts_x, parts_x_everywhere = (parts_of_each(per_x, span_x, len(ends_x) - 1) for per_x in (lenient, along_x))
     parts_y = parts_of_each(along_y, span_y, len(ends_y) - 1)
 
-    rows = np.flatnonzero(judged)
-    block = (rows[:, None], np.flatnonzero((inside_y >= y_min) & (inside_y <= y_max)))
+    # What both miss together, off the sites of either over the judged rectangle; and which spans along x that is in.
+    rows = np.flatnonzero((inside_x >= x_min) & (inside_x <= x_max))
+    columns = np.flatnonzero((inside_y >= y_min) & (inside_y <= y_max))
+    block = (rows[:, None], columns)
     off = position[block]
     ours, exact = (shape_operator_of_sag(SagDerivatives(*(part[block] for part in parts))) for parts in (got, want))
-    percent = curvature_percent(ours, exact, percent_of[rows][:, None, :])
+    percent = curvature_percent(ours, exact, reference[rows][:, None, :])
     over = off > task.position_tolerance_mm
     if percent is not None:
         over |= percent > task.curvature_tolerance_percent
-    over_x = np.zeros(len(ends_x) + 1, dtype=bool)
+    over_x = np.zeros(len(ends_x) + 1, dtype=bool)  # of each span and one more at each end: the neighbours count too
     over_x[span_x[rows[over.any(axis=1)]] + 1] = True
-    fit = _fit(task, surface, "collocation", x[rows], y[block[1]], off, percent)
+    fit = _fit(task, surface, "collocation", x[rows], y[columns], off, percent)
     return fit, _Misses(parts_x, parts_x_everywhere, parts_y, over_x[:-2] | over_x[1:-1] | over_x[2:])
 
 
@@ -272,7 +279,7 @@ def _parts(position: Array, bend: Array | None, axis: int, task: FitTask, degree
 
 def _narrowest_span(task: FitTask, surface: BSplineSurface) -> float:
     """Below this width the rounding of z, some 50·ε·|z|/h² in curvature, would eat a tenth of the tolerance."""
-    allowed = 1e-3 * task.curvature_tolerance_percent * float(task.percent_of(np.array(task.judged[:2])).min())
+    allowed = 1e-3 * task.curvature_tolerance_percent * float(task.reference_curvature(np.array(task.judged[:2])).min())
     height = float(np.abs(surface.poles[..., 2]).max())
     width = task.domain[1] - task.domain[0]
     return max(1e-6 * width, float(np.sqrt(50.0 * np.finfo(float).eps * height / allowed)) if allowed > 0 else 0.0)
@@ -304,7 +311,7 @@ def measure(task: FitTask, surface: BSplineSurface, route: str) -> Fit:
     y, _ = _inside(np.unique(np.clip(surface.knots_v, y_min, y_max)), y_min, y_max, DENSEST_Y)
     got = surface.on_grid(x, y)
     want = task.sag.derivatives(x[:, None], y)
-    percent = curvature_percent(shape_operator(got), shape_operator_of_sag(want), task.percent_of(x)[:, None, :])
+    percent = curvature_percent(shape_operator(got), shape_operator_of_sag(want), task.reference_curvature(x)[:, None, :])
     return _fit(task, surface, route, x, y, np.abs(got["s"][..., 2] - want.z), percent)
 
 
@@ -323,14 +330,14 @@ def _sag_of(surface: BSplineSurface, x: Array, y: Array) -> SagDerivatives:
     return SagDerivatives(*(d[key] for key in ("s", "u", "v", "uu", "uv", "vv")))
 
 
-def curvature_percent(got: ShapeOperator, want: ShapeOperator, percent_of: Array) -> Array | None:
+def curvature_percent(got: ShapeOperator, want: ShapeOperator, reference: Array) -> Array | None:
     """The larger of the two principal curvatures' errors, percent.
 
     Parameters
     ----------
     got, want : ShapeOperator
         Components of one shape, 1/mm.
-    percent_of : ndarray
+    reference : ndarray
         (…, 2), what counts as 100 %, 1/mm.
 
     Returns
@@ -338,8 +345,8 @@ def curvature_percent(got: ShapeOperator, want: ShapeOperator, percent_of: Array
     ndarray or None
         None where nothing is curved.
     """
-    if not np.any(percent_of > 0):
+    if not np.any(reference > 0):
         return None
     errors = [np.abs(a - b) for a, b in zip(principal_curvatures_of(got), principal_curvatures_of(want), strict=True)]
-    result: Array = 100.0 * np.maximum(errors[0] / percent_of[..., 0], errors[1] / percent_of[..., 1])
+    result: Array = 100.0 * np.maximum(errors[0] / reference[..., 0], errors[1] / reference[..., 1])
     return result

@@ -48,7 +48,7 @@ class Judge:
     y: Array
     exact: SagDerivatives
     shape: ShapeOperator
-    percent_of: Array
+    reference_curvature: Array
 
     @staticmethod
     def of(mirror: Mirror) -> Judge:
@@ -59,12 +59,12 @@ class Judge:
         x, y = grid.x[used], grid.y[used]
         exact = mirror.exact.derivatives(x, y)
         return Judge(mirror, x, y, exact, shape_operator_of_sag(exact),
-                     mirror.curvature.percent_of(x, mirror.curvature.rms(mirror.outline)))
+                     mirror.curvature.reference_curvature(x, mirror.curvature.rms(mirror.outline)))
 
     def errors(self, surface: BSplineSurface) -> Row:
         """Largest errors over the trimmed mirror, in height (mm) and principal curvature (percent); and over the sheet."""
         d = at_points(surface, self.x, self.y)
-        percent = curvature_percent(shape_operator(d), self.shape, self.percent_of)
+        percent = curvature_percent(shape_operator(d), self.shape, self.reference_curvature)
         u_min, u_max, v_min, v_max = surface.domain
         over = surface.on_grid(np.linspace(u_min, u_max, SHEET_SAMPLES[0]), np.linspace(v_min, v_max, SHEET_SAMPLES[1]))["s"]
         x_min, x_max, y_min, y_max = self.mirror.surface.domain

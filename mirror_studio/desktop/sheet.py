@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from mirror_cad.designed import DesignedCurvature
-from mirror_cad.deviation import differences, percent_of
+from mirror_cad.deviation import differences, in_percent
 from mirror_cad.errors import SurfaceError
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, normals, principal_curvatures_of, shape_operator
@@ -94,7 +94,7 @@ def _fields(w: ShapeOperator, x: Array, curvature: DesignedCurvature | None, rms
         designed = curvature.shape(x)
         off = differences(w, designed)
         fields["deviation"] = 100.0 * np.sqrt(off.kx**2 + off.ky**2 + 2.0 * off.twist**2) / rms
-        percent = percent_of(off, designed, rms)
+        percent = in_percent(off, designed, rms)
         fields |= {"deviation_k1": percent.k1, "deviation_k2": percent.k2}
     return fields
 

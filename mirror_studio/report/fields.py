@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import CurvatureFields, Deviation, differences, index_of_largest, percent_of
+from mirror_cad.deviation import CurvatureFields, Deviation, differences, in_percent, index_of_largest
 from mirror_cad.grid import Grid
 from mirror_cad.surfaces.differential import ShapeOperator
 
@@ -112,7 +112,7 @@ def deviation_in(unit: str, realised: ShapeOperator, designed: ShapeOperator, rm
         Of the designed curvature over the mirror, 1/mm, above 0 for percent.
     """
     per_mm = differences(realised, designed)
-    return percent_of(per_mm, designed, rms) if unit == "%" else CurvatureFields(*(1e3 * value for value in per_mm))
+    return in_percent(per_mm, designed, rms) if unit == "%" else CurvatureFields(*(1e3 * value for value in per_mm))
 
 
 def radius_pair(name: str, designed: Array, realised: Array) -> Pair:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirror_cad.deviation import Deviation, differences, percent_of
+from mirror_cad.deviation import Deviation, differences, in_percent
 from mirror_cad.mirror import Mirror
 from mirror_cad.reflection import reflected_surface
 from mirror_cad.surfaces.bspline import BSplineSurface
@@ -146,6 +146,6 @@ def _maps(mirror: Mirror, surface: BSplineSurface, rms: float) -> Table:
     per_mm = differences(realised, designed)
     columns |= {f"{key}_deviation_per_m": 1e3 * value for key, value in per_mm._asdict().items()}
     if rms > 0.0:
-        percent = percent_of(per_mm, designed, rms)
+        percent = in_percent(per_mm, designed, rms)
         columns |= {f"{key}_deviation_percent": value for key, value in percent._asdict().items()}
     return Table("maps", columns)

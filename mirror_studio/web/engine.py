@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.design_stages import design
-from mirror_cad.designed import percent_scale
+from mirror_cad.designed import reference_curvature
 from mirror_cad.deviation import against_design
 from mirror_cad.mirror import Mirror
 from mirror_cad.outline import Outline
@@ -344,7 +344,7 @@ def _percent(shape: ShapeOperator, asked: ShapeOperator, rms: float) -> tuple[Ar
     if rms == 0.0:
         nothing = np.full(shape.w11.shape, np.nan)
         return nothing, nothing
-    scale = percent_scale(asked, rms)[:, None, :]
+    scale = reference_curvature(asked, rms)[:, None, :]
     got, want = principal_curvatures_of(shape), principal_curvatures_of(asked)
     first, second = (100.0 * (a - b[:, None]) / scale[..., i] for i, (a, b) in enumerate(zip(got, want, strict=True)))
     return first, second
