@@ -85,14 +85,14 @@ def design(spec: MirrorSpec) -> Mirror:
     laws = _laws(spec, box)
     series, limit_notes = _series_as_far_as_it_exists(spec, laws, box)
     designed, exact, profile = _decoupled(spec, laws, series)
-    breaks = laws.horizontal.all_breaks(series.kappa), laws.vertical.all_breaks(series.kappa_2)
+    breaks = laws.horizontal.all_breaks(series.kappa_x), laws.vertical.all_breaks(series.kappa_y)
     if spec.surface.method == "sphere":
-        sphere = SphericalSag(float(series.kappa(0.0)), laws.level_mm)
+        sphere = SphericalSag(float(series.kappa_x(0.0)), laws.level_mm)
         model = _Model(sphere, sphere, None)
     elif spec.surface.method == "decoupled":
         half_height = max(abs(box[2]), abs(box[3]))
-        check_steps(series.kappa_2, [b.x_mm for b in breaks[1] if b.smoothness < 0], box[0], box[1], half_height)
-        model = _Model(exact, exact if profile is exact.profile else DecoupledSag(profile, series.kappa_2), None)
+        check_steps(series.kappa_y, [b.x_mm for b in breaks[1] if b.smoothness < 0], box[0], box[1], half_height)
+        model = _Model(exact, exact if profile is exact.profile else DecoupledSag(profile, series.kappa_y), None)
     else:
         model = _faithful(spec, outline, designed, exact, series.domain, breaks)
     fit = _fitted(spec, outline, designed, model, series.domain, breaks)
@@ -115,8 +115,8 @@ class _Laws(NamedTuple):
 class _Series(NamedTuple):
     """Both curvatures as series over the domain (x_min, x_max, y_min, y_max) that the surface is made on."""
 
-    kappa: PiecewiseChebyshev
-    kappa_2: PiecewiseChebyshev
+    kappa_x: PiecewiseChebyshev
+    kappa_y: PiecewiseChebyshev
     domain: Box
 
 
@@ -150,27 +150,27 @@ def _series_as_far_as_it_exists(spec: MirrorSpec, laws: _Laws, box: Box) -> tupl
     x_min, x_max, y_min, y_max = box
     half_height, wanted = max(abs(y_min), abs(y_max)), _wanted_domain(spec, box)
     check_circles(_series(laws.vertical, wanted[0], wanted[1]), x_min, x_max, half_height)
-    kappa = _series(laws.horizontal, wanted[0], wanted[1])
-    x_low, x_high = existing_interval(sine_of_tangent_angle(kappa, laws.level_mm), laws.level_mm, wanted[0], wanted[1])
+    kappa_x = _series(laws.horizontal, wanted[0], wanted[1])
+    x_low, x_high = existing_interval(sine_of_tangent_angle(kappa_x, laws.level_mm), laws.level_mm, wanted[0], wanted[1])
     x_low, x_high = min(x_low, x_min), max(x_high, x_max)
-    kappa, kappa_2 = _series(laws.horizontal, x_low, x_high), _series(laws.vertical, x_low, x_high)
-    half = max(half_height, existing_half_height(kappa_2, x_low, x_high, max(-wanted[2], wanted[3])))
+    kappa_x, kappa_y = _series(laws.horizontal, x_low, x_high), _series(laws.vertical, x_low, x_high)
+    half = max(half_height, existing_half_height(kappa_y, x_low, x_high, max(-wanted[2], wanted[3])))
     domain = (x_low, x_high, max(wanted[2], -half), min(wanted[3], half))
     if spec.surface.method == "sphere":
-        domain = spherical_domain(SphericalSag(float(kappa(0.0)), laws.level_mm), box, domain)
+        domain = spherical_domain(SphericalSag(float(kappa_x(0.0)), laws.level_mm), box, domain)
     notes = [] if domain == wanted else [
         f"the surface reaches x {domain[0]:.1f} to {domain[1]:.1f}, y {domain[2]:.1f} to {domain[3]:.1f} mm, "
         f"less than blank and margin ask for: beyond, it would be steeper than 80°"]
-    return _Series(kappa, kappa_2, domain), notes
+    return _Series(kappa_x, kappa_y, domain), notes
 
 
 def _decoupled(spec: MirrorSpec, laws: _Laws, series: _Series) -> tuple[DesignedCurvature, DecoupledSag, Profile]:
     """The designed curvature, the decoupled surface on the exact profile, and the profile as it is integrated."""
-    exact = integrate_exactly(sine_of_tangent_angle(series.kappa, laws.level_mm), series.kappa)
+    exact = integrate_exactly(sine_of_tangent_angle(series.kappa_x, laws.level_mm), series.kappa_x)
     profile, surface = exact, spec.surface
     if surface.integration != "quadrature":
-        profile = integrate_ode(series.kappa, exact, surface.integration, surface.step_mm or 1.0)
-    return DesignedCurvature(series.kappa, series.kappa_2), DecoupledSag(exact, series.kappa_2), profile
+        profile = integrate_ode(series.kappa_x, exact, surface.integration, surface.step_mm or 1.0)
+    return DesignedCurvature(series.kappa_x, series.kappa_y), DecoupledSag(exact, series.kappa_y), profile
 
 
 def _faithful(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, exact: DecoupledSag, domain: Box,

@@ -45,16 +45,16 @@ STEEPEST_STEP = STEEPEST_SINE / np.sqrt(1.0 - STEEPEST_SINE**2)  # the slope at 
 
 @dataclass(frozen=True, eq=False)
 class DecoupledSag:
-    """z(x, y) = z_p(x) − s(κ₂(x), y): circles of radius 1/κ₂(x) in the planes x = const, hung on the profile z_p.
+    """z(x, y) = z_p(x) − s(κ_y(x), y): circles of radius 1/κ_y(x) in the planes x = const, hung on the profile z_p.
 
-    s = κ₂y²/(1 + w), w = √(1 − κ₂²y²): the circle's sag in the form that holds for flat and concave circles too.
+    s = κ_y·y²/(1 + w), w = √(1 − κ_y²·y²): the circle's sag in the form that holds for flat and concave circles too.
 
     Attributes
     ----------
     profile : Profile
         z_p.
     vertical : PiecewiseChebyshev
-        κ₂, 1/mm.
+        κ_y, 1/mm.
 
     References
     ----------
@@ -62,7 +62,7 @@ class DecoupledSag:
     """
 
     profile: Profile
-    vertical: PiecewiseChebyshev  # κ₂(x), 1/mm
+    vertical: PiecewiseChebyshev
 
     @cached_property
     def _vertical_derivatives(self) -> tuple[PiecewiseChebyshev, PiecewiseChebyshev]:
@@ -85,18 +85,18 @@ class DecoupledSag:
         """z, z_x, z_y, z_xx, z_xy, z_yy at (x, y), broadcast; mm and 1/mm."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         first, second = self._vertical_derivatives
-        k, k1, k2 = self.vertical(x), first(x), second(x)
-        w = _cosine(k, y)
+        kappa_y, dkappa_dx, d2kappa_dx2 = self.vertical(x), first(x), second(x)
+        w = _cosine(kappa_y, y)
         s_k = y**2 / (w * (1.0 + w))
-        s_kk = k * y**4 * (1.0 + 2.0 * w) / (w**3 * (1.0 + w) ** 2)
+        s_kk = kappa_y * y**4 * (1.0 + 2.0 * w) / (w**3 * (1.0 + w) ** 2)
         profile = self.profile
         return SagDerivatives(
-            z=profile.height(x) - k * y**2 / (1.0 + w),
-            zx=profile.slope(x) - s_k * k1,
-            zy=-k * y / w,
-            zxx=profile.bend(x) - s_kk * k1**2 - s_k * k2,
-            zxy=-k1 * y / w**3,
-            zyy=-k / w**3,
+            z=profile.height(x) - kappa_y * y**2 / (1.0 + w),
+            zx=profile.slope(x) - s_k * dkappa_dx,
+            zy=-kappa_y * y / w,
+            zxx=profile.bend(x) - s_kk * dkappa_dx**2 - s_k * d2kappa_dx2,
+            zxy=-dkappa_dx * y / w**3,
+            zyy=-kappa_y / w**3,
         )
 
 
@@ -113,7 +113,7 @@ def check_circles(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half
     Parameters
     ----------
     vertical : PiecewiseChebyshev
-        κ₂, 1/mm.
+        κ_y, 1/mm.
     x_min, x_max, half_height_mm : float
         Of the mirror, mm.
 
@@ -134,14 +134,14 @@ def check_circles(vertical: PiecewiseChebyshev, x_min: float, x_max: float, half
 
 def check_steps(vertical: PiecewiseChebyshev, jumps: Sequence[float], x_min: float, x_max: float,
                 half_height_mm: float) -> None:
-    """Refuse a κ₂ that changes so fast that the decoupled surface stands up: z_x = −κ₂′·y²/(w(1 + w)).
+    """Refuse a κ_y that changes so fast that the decoupled surface stands up: z_x = −κ_y′·y²/(w(1 + w)).
 
     Parameters
     ----------
     vertical : PiecewiseChebyshev
-        κ₂ between x_min and x_max at least, 1/mm.
+        κ_y between x_min and x_max at least, 1/mm.
     jumps : sequence of float
-        x where κ₂ itself is not continuous, mm.
+        x where κ_y itself is not continuous, mm.
     x_min, x_max, half_height_mm : float
         Of the mirror, mm.
 
@@ -172,7 +172,7 @@ def existing_half_height(vertical: PiecewiseChebyshev, x_min: float, x_max: floa
     Parameters
     ----------
     vertical : PiecewiseChebyshev
-        κ₂, 1/mm.
+        κ_y, 1/mm.
     x_min, x_max, half_height_mm : float
         What is asked for, mm.
     """

@@ -43,7 +43,7 @@ PROGRESSIVE = laws.Zones(right_mm=1250.0, left_mm=400.0, blend_from=0.5865).over
 DOCUMENTS = Path(__file__).parents[1] / "docs" / "derivations"
 # Of the largest curvature; both sides are some thirty operations on the same series. Seen over 300 random laws: 1.2e-15.
 ROUNDING = 1e-14
-# Ry′ comes from the derivative of a law's series: coefficients good to 1e-16 of κ2, times 25²/115 mm, times Ry² is 1e-12.
+# Ry′ comes from the derivative of a law's series: coefficients good to 1e-16 of κ_y, times 25²/115 mm, times Ry² is 1e-12.
 RATE_ROUNDING = 1e-11
 COMPARED_PERCENT = 1e-6  # figures of the tables smaller than this are rounding
 
@@ -88,7 +88,7 @@ def test_closed_form_is_the_shape_operator_of_any_decoupled_surface(
 
 
 @pytest.mark.parametrize(("horizontal", "vertical", "orders"), [
-    # κ, κ2′ and κ2″ fall with 1/λ, and so does the slope. The twist's first term κ2′y is of first order and misses a term
+    # κ, κ_y′ and κ_y″ fall with 1/λ, and so does the slope. The twist's first term κ_y′·y is of first order and misses a term
     # of relative second order; without it the tilt's, of third order, is what the remainder is measured from.
     (PROGRESSIVE, linear(1250.0, 1150.0), {"w12": 3, "w22": 5, "w11": 5}),
     (constant(950.0), constant(950.0), {"w12": 5, "w22": 5, "w11": 5}),
@@ -98,7 +98,7 @@ def test_leading_terms_miss_only_the_next_order_of_the_slopes(
     remainders: dict[str, list[float]] = {key: [] for key in orders}
     for scale in (2.0, 4.0):  # both radii doubled
         at, realised = surface(series_of(horizontal, scale), series_of(vertical, scale))
-        designed = ShapeOperator(at.k1, at.k2, np.zeros_like(X))
+        designed = ShapeOperator(at.kappa_x, at.kappa_y, np.zeros_like(X))
         predicted = model.leading_terms(at, Y)
         for key in orders:
             left = getattr(realised, key) - getattr(designed, key) - getattr(predicted, key)
@@ -135,7 +135,7 @@ def test_equal_constant_radii_are_no_sphere_and_corrected_circles_make_them_one(
     circles = model.circles_of_normal_curvature(profile_of(kappa), kappa, kappa)
     _, corrected = surface(kappa, circles)
     k1, k2 = principal_curvatures_of(corrected)
-    # κ2/cos θ is a series here, and W11 takes its second derivative: 1e-16·25⁴ over the half width squared, times y².
+    # κ_y/cos θ is a series here, and W11 takes its second derivative: 1e-16·25⁴ over the half width squared, times y².
     assert largest(950.0 * np.stack([k1, k2]) - 1.0) <= 1e-10
 
 
@@ -164,7 +164,7 @@ def test_twist_grows_across_the_level_line_as_the_second_codazzi_equation_says(s
     k1 = -bend * cosine**3
     k2, k2_x = cosine * sag.vertical(x), cosine * first(x) - cosine**3 * slope * bend * sag.vertical(x)
     gradient = model.twist_gradient(model.Sections(-slope, k1, k2, k2_x, np.zeros_like(x)))
-    # The next power is the third: (κ2·y)² ≈ 1e-14 of the first, and the quartic's 4·3e-9/40·y² against some 3e-7 1e-11.
+    # The next power is the third: (κ_y·y)² ≈ 1e-14 of the first, and the quartic's 4·3e-9/40·y² against some 3e-7 1e-11.
     assert largest(twist / y - gradient) <= 1e-9 * largest(gradient)
 
 
@@ -177,7 +177,7 @@ def test_surface_of_revolution_holds_its_compatible_pair(law: CurvatureLaw, axis
     profile = profile_of(horizontal, level_mm)
     vertical = model.compatible_vertical(profile, horizontal, axis_depth_mm)
     at = model.sections_at(profile, horizontal, vertical, X)
-    designed, weights = ShapeOperator(at.k1, at.k2, np.zeros_like(X)), np.ones_like(X)
+    designed, weights = ShapeOperator(at.kappa_x, at.kappa_y, np.zeros_like(X)), np.ones_like(X)
 
     def shape_rms(w: ShapeOperator) -> float:
         difference = ShapeOperator(*(a - b for a, b in zip(w, designed, strict=True)))

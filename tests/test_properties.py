@@ -98,7 +98,7 @@ def law_is_realised(horizontal: dict[str, Any], vertical: dict[str, Any]) -> Non
     want, got = mirror.exact.derivatives(x, y), mirror.surface.derivatives(x, y)
     rms = mirror.curvature.rms(mirror.outline)
     ours, exact = (np.stack(principal_curvatures_of(w), axis=-1) for w in (shape_operator(got), shape_operator_of_sag(want)))
-    # A vertical law that swings puts curvature into the decoupled surface that no law asked for, y²·κ₂″/2, many times the
+    # A vertical law that swings puts curvature into the decoupled surface that no law asked for, y²·κ_y″/2, many times the
     # design's own: percent of the design are then below what float64 holds, and the fit says so.
     swinging = np.abs(exact).max() > 5.0 * rms
     # Nor can it where the circles all but end at the mirror's upper edge: slopes of 75° and more, whose curvature grows with

@@ -14,7 +14,7 @@ HALF = 150.0
 
 
 def vertical(at: float, width: float, step: float = 1e-3) -> PiecewiseChebyshev:
-    """κ₂ from 1e-3 up by a step in a smooth ramp of a width about a place, with breaks where the ramp begins and ends."""
+    """κ_y from 1e-3 up by a step in a smooth ramp of a width about a place, with breaks where the ramp begins and ends."""
     low, high = at - 0.5 * width, at + 0.5 * width
 
     def kappa(x: np.ndarray) -> np.ndarray:

@@ -90,7 +90,7 @@ def test_stages_of_curvature_add_up_to_the_total() -> None:
 
 
 def test_twist_of_the_model_is_the_predicted_term() -> None:
-    """z_xy = −κ₂'·y/w³ = y·Ry'/Ry²/w³: W12 follows it to the order of the slopes squared."""
+    """z_xy = −κ_y'·y/w³ = y·Ry'/Ry²/w³: W12 follows it to the order of the slopes squared."""
     mirror = designed("progressive-b")
     x, y = np.meshgrid(np.linspace(-12, 12, 13), np.linspace(-160, 160, 31))  # level in x: no tilt turns the frame
     twist = shape_operator_of_sag(mirror.exact.derivatives(x, y)).w12

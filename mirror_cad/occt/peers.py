@@ -112,7 +112,7 @@ def local_properties(surface: BSplineSurface) -> Callable[[Array, Array], tuple[
     Returns
     -------
     Callable
-        (u, v), each (n,), -> points (n, 3), normals (n, 3) and κ1 ≥ κ2 (n, 2), 1/mm, convex positive, as ours.
+        (u, v), each (n,), -> points (n, 3), normals (n, 3) and k1 ≥ k2 (n, 2), 1/mm, convex positive, as ours.
     """
     properties = GeomLProp_SLProps(to_geom_surface(surface), 2, RESOLUTION_MM)
 

@@ -149,7 +149,7 @@ def rms_norm(w: ShapeOperator, weights: Array) -> float:
 
 
 def principal_curvatures_of(w: ShapeOperator) -> tuple[Array, Array]:
-    """κ1,2 = (W11 + W22)/2 ± √(((W11 − W22)/2)² + W12²), which loses no digits at umbilics.
+    """k1, k2 = (W11 + W22)/2 ± √(((W11 − W22)/2)² + W12²), which loses no digits at umbilics.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def principal_curvatures_of(w: ShapeOperator) -> tuple[Array, Array]:
     Returns
     -------
     tuple of ndarray
-        κ1 ≥ κ2, 1/mm, convex positive.
+        k1 ≥ k2, 1/mm, convex positive.
     """
     mean = 0.5 * (w.w11 + w.w22)
     half_difference = np.hypot(0.5 * (w.w11 - w.w22), w.w12)

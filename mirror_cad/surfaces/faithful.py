@@ -48,7 +48,7 @@ MAX_EVALUATIONS = 20  # four to eight are the rule; a law that tears the surface
 CONVERGED = 1e-9
 
 
-# Derivatives of the residual height more than of κ₁ and κ₂ that stay continuous at a break of theirs.
+# Derivatives of the residual height more than of κ_x and κ_y that stay continuous at a break of theirs.
 RESIDUAL_CONTINUITY = (3, 2)
 
 
@@ -61,7 +61,7 @@ class FaithfulSag:
     profile : Profile
         z_p.
     residual : BSplineSurface
-        r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ₂, and of κ₁, whose own
+        r as a graph, u = x and v = y. It has two derivatives more than what the laws hold it to: κ_y, and of κ_x, whose own
         share is in the profile, the slope's effect alone. So it has no crease, whose curvature least squares could not see.
     """
 

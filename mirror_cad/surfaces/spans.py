@@ -17,7 +17,7 @@ MAX_SOFT_BREAKS = 64
 # Two breaks within this share of the width (0.003 mm on a mirror) are one: on a span between them the rounding of z, some
 # 50·ε·|z|/h², would be more than 0.01 % of the curvature.
 NEAREST_BREAKS = 1e-5
-# Derivatives of z more than of κ₁ and κ₂ that stay continuous at a break: the decoupled surface holds κ₂ itself.
+# Derivatives of z more than of κ_x and κ_y that stay continuous at a break: the decoupled surface holds κ_y itself.
 DECOUPLED_CONTINUITY, FAITHFUL_CONTINUITY = (2, 0), (2, 2)
 MAX_SPANS = 400  # a direction; a law that needs more holds structure far below what glass can take
 MAX_PATCHES = 10_000  # in all: seconds of work for each try, and more than a kernel likes
@@ -38,9 +38,9 @@ def orders_at_breaks(horizontal: Sequence[Break], vertical: Sequence[Break], con
     Parameters
     ----------
     horizontal, vertical : sequence of Break
-        Of κ₁ and of κ₂.
+        Of κ_x and of κ_y.
     continuity : tuple
-        How many derivatives more than of κ₁ and of κ₂ stay continuous.
+        How many derivatives more than of κ_x and of κ_y stay continuous.
     width_mm : float
         Of the sheet.
 

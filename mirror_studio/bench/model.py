@@ -39,69 +39,70 @@ LAST_FIGURE_OF_RATIOS = 9  # decimals of an angle in degrees or a slope that are
 
 
 class Sections(NamedTuple):
-    """What the two sections of a surface are at x (n,): tan θ of the profile, κ1 = 1/Rx, κ2 of the circles, κ2′, κ2″."""
+    """What the two sections of a surface are at x (n,): tan θ of the profile, κ_x = 1/Rx, κ_y of the circles, κ_y′, κ_y″."""
 
     slope: Array
-    k1: Array
-    k2: Array
-    k2_x: Array
-    k2_xx: Array
+    kappa_x: Array
+    kappa_y: Array
+    dkappa_y: Array
+    d2kappa_y: Array
 
 
 def sections_at(profile: Profile, horizontal: PiecewiseChebyshev, vertical: PiecewiseChebyshev, x: Array) -> Sections:
-    """`horizontal` is κ1(x), which the profile realises; `vertical` the curvature of the circles in x = const, 1/mm."""
+    """`horizontal` is κ_x(x), which the profile realises; `vertical` the curvature of the circles in x = const, 1/mm."""
     first = vertical.derivative()
     return Sections(-profile.slope(x), horizontal(x), vertical(x), first(x), first.derivative()(x))
 
 
 def exact_shape(at: Sections, y: Array) -> ShapeOperator:
-    """The shape operator of circles of curvature κ2(x) in the planes x = const on a profile of curvature κ1(x), 1/mm.
+    """The shape operator of circles of curvature κ_y(x) in the planes x = const on a profile of curvature κ_x(x), 1/mm.
 
-    With w = √(1 − κ2²y²), a = κ2′y²/(1 + w), tan ψ = w·tan θ + a:
-    W12 = cos²ψ·y·(κ2′ − κ2²·tan θ),  W22 = κ2·cos ψ,
-    W11 = cos³ψ·[w·κ1/cos³θ + κ2″y²/(1 + w) − κ2·(a² + 2a(1 + w)·tan θ − (1 − w²)·tan²θ)].
+    With w = √(1 − κ_y²·y²), a = κ_y′·y²/(1 + w), tan ψ = w·tan θ + a:
+    W12 = cos²ψ·y·(κ_y′ − κ_y²·tan θ),  W22 = κ_y·cos ψ,
+    W11 = cos³ψ·[w·κ_x/cos³θ + κ_y″·y²/(1 + w) − κ_y·(a² + 2a(1 + w)·tan θ − (1 − w²)·tan²θ)].
     Source: docs/derivations/decoupled-surface.md.
     """
-    t, k1, k2, k2_x, k2_xx = at
-    w = np.sqrt((1.0 - k2 * y) * (1.0 + k2 * y))
-    a = k2_x * y**2 / (1.0 + w)
+    t, kappa_x, kappa_y, dkappa_y, d2kappa_y = at
+    w = np.sqrt((1.0 - kappa_y * y) * (1.0 + kappa_y * y))
+    a = dkappa_y * y**2 / (1.0 + w)
     cosine = 1.0 / np.hypot(1.0, w * t + a)
-    bracket = (w * k1 * (1.0 + t * t) ** 1.5 + k2_xx * y**2 / (1.0 + w)
-               - k2 * (a * a + 2.0 * a * (1.0 + w) * t - (k2 * y * t) ** 2))
-    return ShapeOperator(cosine**3 * bracket, cosine * k2, cosine**2 * y * (k2_x - k2**2 * t))
+    bracket = (w * kappa_x * (1.0 + t * t) ** 1.5 + d2kappa_y * y**2 / (1.0 + w)
+               - kappa_y * (a * a + 2.0 * a * (1.0 + w) * t - (kappa_y * y * t) ** 2))
+    return ShapeOperator(cosine**3 * bracket, cosine * kappa_y, cosine**2 * y * (dkappa_y - kappa_y**2 * t))
 
 
 def leading_terms(at: Sections, y: Array) -> ShapeOperator:
-    """What the realised shape operator differs by from diag(κ1, κ2), to the leading orders in the slopes, 1/mm.
+    """What the realised shape operator differs by from diag(κ_x, κ_y), to the leading orders in the slopes, 1/mm.
 
-    With ψ = tan θ + κ2′y²/2:  W12 ≈ y·(κ2′ − κ2²·tan θ),  W22 − κ2 ≈ −κ2·ψ²/2,
-    W11 − κ1 ≈ κ2″y²/2 − κ1·(κ2²y² + 3ψ² − 3tan²θ)/2 − 2κ2κ2′y²·tan θ − κ2κ2′²y⁴/4 + κ2″y²·(κ2²y²/8 − 3ψ²/4).
+    With ψ = tan θ + κ_y′·y²/2:  W12 ≈ y·(κ_y′ − κ_y²·tan θ),  W22 − κ_y ≈ −κ_y·ψ²/2,
+    W11 − κ_x ≈ κ_y″·y²/2 − κ_x·(κ_y²·y² + 3ψ² − 3tan²θ)/2 − 2·κ_y·κ_y′·y²·tan θ − κ_y·κ_y′²·y⁴/4 + κ_y″·y²·(κ_y²·y²/8 − 3ψ²/4).
     """
-    t, k1, k2, k2_x, k2_xx = at
-    psi = t + 0.5 * k2_x * y**2
-    w11 = (0.5 * k2_xx * y**2 - 0.5 * k1 * ((k2 * y) ** 2 + 3.0 * psi**2 - 3.0 * t**2) - 2.0 * k2 * k2_x * y**2 * t
-           - 0.25 * k2 * (k2_x * y**2) ** 2 + k2_xx * y**2 * (0.125 * (k2 * y) ** 2 - 0.75 * psi**2))
-    return ShapeOperator(w11, -0.5 * k2 * psi**2, y * (k2_x - k2**2 * t))
+    t, kappa_x, kappa_y, dkappa_y, d2kappa_y = at
+    psi = t + 0.5 * dkappa_y * y**2
+    w11 = (0.5 * d2kappa_y * y**2 - 0.5 * kappa_x * ((kappa_y * y) ** 2 + 3.0 * psi**2 - 3.0 * t**2)
+           - 2.0 * kappa_y * dkappa_y * y**2 * t
+           - 0.25 * kappa_y * (dkappa_y * y**2) ** 2 + d2kappa_y * y**2 * (0.125 * (kappa_y * y) ** 2 - 0.75 * psi**2))
+    return ShapeOperator(w11, -0.5 * kappa_y * psi**2, y * (dkappa_y - kappa_y**2 * t))
 
 
 def twist_gradient(at: Sections) -> Array:
-    """∂W12/∂s across y = 0 of every surface, symmetric in y, whose two curvatures along y = 0 are κ1 and κ2, 1/mm².
+    """∂W12/∂s across y = 0 of every surface, symmetric in y, whose two curvatures along y = 0 are κ_x and κ_y, 1/mm².
 
-    The second Codazzi equation: cos θ·κ2′ + tan θ·κ2·(κ1 − κ2); κ2 is that of the normal section here, not of a circle.
+    The second Codazzi equation: cos θ·κ_y′ + tan θ·κ_y·(κ_x − κ_y); κ_y is that of the normal section here, not of a circle.
     Source: docs/derivations/compatible-pairs.md.
     """
-    t, k1, k2, k2_x, _ = at
-    return k2_x / np.hypot(1.0, t) + t * k2 * (k1 - k2)
+    t, kappa_x, kappa_y, dkappa_y, _ = at
+    return dkappa_y / np.hypot(1.0, t) + t * kappa_y * (kappa_x - kappa_y)
 
 
 def compatibility_defect(at: Sections) -> Array:
     """δ = (cos θ·Ry)′ + tan θ = −Ry²·`twist_gradient`: 0 where a surface can hold both laws, no unit."""
-    return -twist_gradient(at) / at.k2**2
+    return -twist_gradient(at) / at.kappa_y**2
 
 
 def circles_of_normal_curvature(profile: Profile, horizontal: PiecewiseChebyshev,
                                 vertical: PiecewiseChebyshev) -> PiecewiseChebyshev:
-    """κ2/cos θ: the circles in x = const whose normal sections at y = 0 have the curvature κ2 (Meusnier), 1/mm."""
+    """κ_y/cos θ: the circles in x = const whose normal sections at y = 0 have the curvature κ_y (Meusnier), 1/mm."""
     breaks = np.union1d(horizontal.breaks, vertical.breaks)
     return approximate(lambda x: vertical(x) * np.hypot(1.0, profile.slope(x)), list(breaks))
 
@@ -307,7 +308,7 @@ def _compatible_pair(samples: Samples, title: str, horizontal: PiecewiseChebyshe
     profile = _profile(horizontal, 0.0)
     vertical = compatible_vertical(profile, horizontal, axis_depth_mm)
     at = sections_at(profile, horizontal, vertical, x)
-    designed = ShapeOperator(at.k1, at.k2, np.zeros_like(x))
+    designed = ShapeOperator(at.kappa_x, at.kappa_y, np.zeros_like(x))
     realised = {
         "revolved": shape_operator(revolved(profile, axis_depth_mm, x, y)),
         "fitted": shape_operator(_fitted(profile, horizontal, vertical, samples).derivatives(x, y)),
@@ -321,7 +322,7 @@ def _compatible_pair(samples: Samples, title: str, horizontal: PiecewiseChebyshe
 def _fitted(profile: Profile, horizontal: PiecewiseChebyshev, vertical: PiecewiseChebyshev, samples: Samples) -> BSplineSurface:
     """The surface of revolution as B-spline: it is the decoupled one of the radii cos θ·Ry, whose circles share an axis."""
     sag = DecoupledSag(profile, circles_of_normal_curvature(profile, horizontal, vertical))
-    breaks = tuple((float(x), 3) for x in horizontal.breaks[1:-1])  # κ1 has one continuous derivative there, z three
+    breaks = tuple((float(x), 3) for x in horizontal.breaks[1:-1])  # κ_x has one continuous derivative there, z three
     half_height = float(samples.y.max())
     task = FitTask(sag, SHEET, (float(samples.x.min()), float(samples.x.max()), -half_height, half_height), breaks,
                    lambda x: np.stack([horizontal(x), vertical(x)], axis=-1), FIT_MM, FIT_PERCENT)
@@ -344,7 +345,7 @@ def _levels(levelled: Evaluated) -> Table:
         rows.append({
             "level": level if isinstance(level, str) else f"{level:g} mm".replace("-", "−"),
             "left": round(float(left), LAST_FIGURE_OF_RATIOS) + 0.0, "right": round(float(right), LAST_FIGURE_OF_RATIOS) + 0.0,
-            "axis": _rms(at.slope - at.k2_x / at.k2**2, weights),
+            "axis": _rms(at.slope - at.dkappa_y / at.kappa_y**2, weights),
             "shape": shape_rms_percent(_minus(realised, designed), designed, weights),
             "shape_predicted": shape_rms_percent(predicted, designed, weights),
             "ky": 100.0 * _rms((realised.w22 - designed.w22) / designed.w22, weights),

@@ -58,7 +58,7 @@ def faithful(folder: Path, raw: Spec, across: Law, upright: Law, breaks: tuple[f
     kx, ky = sheet.laws(x)
 
     def miss(derivatives: Sequence[Array]) -> float:
-        """RMS ‖W − diag(κ₁, κ₂)‖ with W22 = −z_yy/(m²n), W11 = 2H − W22 and W12² = W11·W22 − K."""
+        """RMS ‖W − diag(κ_x, κ_y)‖ with W22 = −z_yy/(m²n), W11 = 2H − W22 and W12² = W11·W22 − K."""
         mean, gauss = mean_and_gauss(derivatives)
         p, q, _, _, t = derivatives
         w22 = -t / ((1.0 + q * q) * np.sqrt(1.0 + p * p + q * q))

@@ -19,14 +19,14 @@ from scipy.integrate import solve_ivp
 Array = NDArray[np.float64]
 Law = float | Callable[[Array], Array]  # κ in 1/mm, constant or of x (n,)
 
-STEP_MM = 0.05  # of the differences that stand for κ₂′, κ₂″: fourth order, some 1e-9 of a law that changes over 10 mm
+STEP_MM = 0.05  # of the differences that stand for κ_y′, κ_y″: fourth order, some 1e-9 of a law that changes over 10 mm
 
 
 class Sheet(Protocol):
     """A surface z(x, y) known from elsewhere, and the two curvatures asked for."""
 
     def laws(self, x: Array) -> tuple[Array, Array]:
-        """Designed κ₁ and κ₂ at x, 1/mm."""
+        """Designed κ_x and κ_y at x, 1/mm."""
         ...
 
     def height(self, x: Array, y: Array) -> Array:
@@ -39,9 +39,9 @@ class Sheet(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Decoupled:
-    """z(x, y) = z_p(x) − s(κ₂(x), y) between x = low and high, with z_p level at `level_mm` and 0 at x = 0.
+    """z(x, y) = z_p(x) − s(κ_y(x), y) between x = low and high, with z_p level at `level_mm` and 0 at x = 0.
 
-    across, upright : κ₁, κ₂.   breaks : x where a law is less than smooth.
+    across, upright : κ_x, κ_y.   breaks : x where a law is less than smooth.
     """
 
     across: Law
@@ -52,7 +52,7 @@ class Decoupled:
     high: float
 
     def laws(self, x: Array) -> tuple[Array, Array]:
-        """Designed κ₁ and κ₂ at x, 1/mm."""
+        """Designed κ_x and κ_y at x, 1/mm."""
         return _value(self.across, x), _value(self.upright, x)
 
     def height(self, x: Array, y: Array) -> Array:
@@ -116,7 +116,7 @@ class Sphere:
     radius_mm: float
 
     def laws(self, x: Array) -> tuple[Array, Array]:
-        """Designed κ₁ and κ₂ at x, 1/mm."""
+        """Designed κ_x and κ_y at x, 1/mm."""
         return np.full_like(x, 1.0 / self.radius_mm), np.full_like(x, 1.0 / self.radius_mm)
 
     def height(self, x: Array, y: Array) -> Array:
