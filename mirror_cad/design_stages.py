@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.errors import OutlineError, SpecError
+from mirror_cad.eyes import eye_position, ocular_points
 from mirror_cad.laws import CurvatureLaw, Law, Span, Unstated
 from mirror_cad.laws.curvature import Break, smooth_extrapolation
 from mirror_cad.laws.matched import with_solved
@@ -48,8 +49,6 @@ from mirror_cad.surfaces.spline_sag import SplineSag
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
-
-EYES_APART_MM = 65.0  # UN Regulation 46, 12: between the two ocular points
 
 
 def design(spec: MirrorSpec) -> Mirror:
@@ -256,16 +255,8 @@ def eyes_of(spec: MirrorSpec, box: Box) -> tuple[Array, ...]:
     tuple of ndarray
         (3,) mm.
     """
-    x = {"right": box[1], "centre": 0.0, "left": box[0]}[spec.eye.aligned]
-    distance = spec.eye.distance_mm
-    if abs(x) >= distance:
-        raise SpecError(f"eye.distance_mm = {distance:g} is not above {abs(x):g} mm, how far the mirror's {spec.eye.aligned} "
-                        "edge is from the origin: an eye aligned with it would sit in the mirror")
-    middle = np.array([x, 0.0, np.sqrt(distance**2 - x**2)])
-    if spec.target is None or spec.target.eye == "one":
-        return (middle,)
-    half = np.array([0.5 * EYES_APART_MM, 0.0, 0.0])
-    return middle - half, middle + half
+    middle = eye_position(spec.eye.distance_mm, spec.eye.aligned, box)
+    return (middle,) if spec.target is None or spec.target.eye == "one" else ocular_points(middle)
 
 
 # Most changes to a design leave its outline and one of its laws alone: what they give is kept. All of it is frozen.

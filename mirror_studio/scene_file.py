@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from mirror_cad.eyes import EYE_SEPARATION_MM
 from mirror_cad.keys import AsTuple, Number, Section
 from mirror_cad.spec.file import names_in, read_toml, validated
 
@@ -42,7 +43,7 @@ class EyesSection(Listed):
     """The driver's ocular points, X rearward, Y right, Z up from the ground, X = 0 at themselves."""
 
     middle_m: tuple[Metres, Metres, Metres] = (0.0, -0.49, 1.9)
-    separation_m: Annotated[Number, Field(ge=0, le=0.2)] = 0.065
+    separation_m: Annotated[Number, Field(ge=0, le=0.2)] = EYE_SEPARATION_MM / 1000.0
 
 
 class MirrorSection(Listed):

@@ -66,7 +66,7 @@ def test_tracer_knows_no_design_intent() -> None:
     """So that any STEP face is traced as ours are: only plain records, errors, and in `load_reflector` the readers."""
     plain = {"mirror_cad.limits", "mirror_cad.cad_file", "mirror_cad.guarded",
              "mirror_cad.surfaces.basis", "mirror_cad.surfaces.bspline", "mirror_cad.surfaces.quadric",
-             "mirror_cad.mesh", "mirror_cad.errors",
+             "mirror_cad.mesh", "mirror_cad.errors", "mirror_cad.eyes",
              "mirror_cad.surfaces.differential", "mirror_cad.surfaces.fit", "mirror_cad.vectors"}
     readers = {"mirror_cad.occt.step", "mirror_cad.occt.convert", "mirror_cad.occt.tessellate",
                "mirror_cad.own_files"}

@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic.functional_validators import PlainValidator
 from pydantic_core import InitErrorDetails
 
+from mirror_cad.eyes import EYE_DISTANCE_MM
 from mirror_cad.keys import ELSEWHERE, AsTuple, Coordinate, Length, Number, Section, Shown
 from mirror_cad.laws import Law
 from mirror_cad.laws.unstated import Unstated
@@ -225,7 +226,7 @@ def _ends(value: object) -> tuple[float, float] | None:
 class Eye(Section):
     """The driver's eye: its distance from the centre of the mirror surface, and the edge that it is in line with."""
 
-    distance_mm: Annotated[Length, _size("Eye to mirror", 300.0, 3000.0, 5.0)] = 762.0
+    distance_mm: Annotated[Length, _size("Eye to mirror", 300.0, 3000.0, 5.0)] = EYE_DISTANCE_MM
     aligned: Annotated[Literal["right", "centre", "left"],
                        Shown("Eye in line with", words=(("right", "right edge"), ("centre", "centre"), ("left", "left edge"))),
                        ] = "right"

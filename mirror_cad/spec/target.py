@@ -146,7 +146,7 @@ class Target(Section):
     file : a CSV file instead: of "table" with the columns x_mm, y_mm, azimuth_deg and elevation_deg, a row for each node; of
     "profile" with x_mm and azimuth_deg.
     weight : how much each place counts; all the same by default.
-    eye : the eye of [eye], or two of them, EYES_APART_MM apart.   convex : refuse a view that no convex mirror can show.
+    eye : the eye of [eye], or two of them, EYE_SEPARATION_MM apart.   convex : refuse a view that no convex mirror can show.
     """
 
     projection: Literal["perspective", "equal-angle", "profile", "table"]

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic.functional_validators import BeforeValidator
 
 from mirror_cad.errors import SpecError
+from mirror_cad.eyes import EYE_SEPARATION_MM
 from mirror_cad.keys import AsTuple, Number, Section, is_number
 from mirror_cad.spec.file import names_in, read_toml, validated
 
@@ -139,7 +140,7 @@ class LineSection(Section):
 class EyesSection(Section):
     """The ocular points that the rule looks from."""
 
-    separation_mm: Annotated[Number, Field(ge=0, le=200)] = 65.0
+    separation_mm: Annotated[Number, Field(ge=0, le=200)] = EYE_SEPARATION_MM
     above_r_mm: Annotated[Number, Field(ge=0, le=2000)] = 635.0
     checked: Checked = "memory"
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mirror_cad.design_stages import design
 from mirror_cad.designed import reference_curvature
 from mirror_cad.deviation import against_design
+from mirror_cad.eyes import ocular_points
 from mirror_cad.mirror import Mirror
 from mirror_cad.outline import Outline
 from mirror_cad.sections import SagDerivatives
@@ -46,7 +47,6 @@ Box = tuple[float, float, float, float]
 MAP = (61, 91)  # places of the maps, across and up: odd, so that the box's two middle lines are among them
 LAW_PLACES = 161
 SHOWN_CHORD_MM = 0.2  # of the outline in maps and plans: less than a pixel
-EYES_APART_MM = 65.0  # the ocular points of UN Regulation 46
 QUICK_SAMPLES, FINE_SAMPLES = 1, 4  # a direction, in the pixels that need more than one
 QUICK_ROOM = (640, 480)  # pixels for all pictures while a slider moves; fine ones fill what the page has
 QUICK_QUALITY, FINE_QUALITY = 80, 92  # of the JPEG
@@ -244,8 +244,7 @@ def described(one: Designed, fine: bool) -> dict[str, Json]:
 
 def eyes_of(eye: Array, look: ViewSettings) -> list[Array]:
     """The one eye, or the left and the right one beside it."""
-    aside = np.array([0.5 * EYES_APART_MM, 0.0, 0.0])
-    return [eye] if look.eyes == "one" else [eye - aside, eye + aside]
+    return [eye] if look.eyes == "one" else list(ocular_points(eye))
 
 
 def fitted(box: Box, width: int, height: int) -> Frame:

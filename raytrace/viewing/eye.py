@@ -1,30 +1,26 @@
-"""Where the driver's eye sits."""
+"""Where the driver's eye sits, as `mirror_cad.eyes` places it."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.errors import SpecError
+from mirror_cad.eyes import EYE_DISTANCE_MM, Box
+from mirror_cad.eyes import eye_position as design_eye
 from raytrace.errors import TraceError
 
-Array = NDArray[np.float64]
-Box = tuple[float, float, float, float]
+__all__ = ["EYE_DISTANCE_MM", "eye_position"]
 
-EYE_DISTANCE_MM = 762.0  # from the centre of the mirror's surface: Lee et al. (2014), section 3.2
+Array = NDArray[np.float64]
 
 
 def eye_position(distance_mm: float, aligned: str, box: Box) -> Array:
     """Place the eye at a distance from the centre of the mirror's surface, in the plane y = 0, over an edge or the centre.
 
-    e = (x_a, 0, √(d² − x_a²)), with x_a the x of what it is aligned with; the centre is the origin.
-
     Parameters
     ----------
-    distance_mm : d, mm.
-    aligned : "right", "centre" or "left", as the driver looks at the mirror.
-    box : (x_min, x_max, y_min, y_max) of the mirror, mm.
+    distance_mm, aligned, box : as `mirror_cad.eyes.eye_position` has them.
 
     Returns
     -------
@@ -34,13 +30,8 @@ def eye_position(distance_mm: float, aligned: str, box: Box) -> Array:
     ------
     TraceError
         Where the edge is farther from the centre than the eye.
-
-    References
-    ----------
-    Lee et al. (2014), section 3.2.
     """
-    x = {"right": box[1], "centre": 0.0, "left": box[0]}[aligned]
-    if abs(x) >= distance_mm:
-        raise TraceError(f"eye.distance_mm = {distance_mm:g} is not above {abs(x):g} mm, how far the mirror's {aligned} edge "
-                         "is from the origin: an eye aligned with it would sit in the mirror")
-    return np.array([x, 0.0, math.sqrt(distance_mm**2 - x**2)])
+    try:
+        return design_eye(distance_mm, aligned, box)
+    except SpecError as error:
+        raise TraceError(str(error)) from None

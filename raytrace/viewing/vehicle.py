@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.eyes import EYE_SEPARATION_MM
 from raytrace.viewing.aim import RearEdge
 from raytrace.viewing.pose import Hand
 
@@ -26,7 +27,7 @@ class Eyes:
     """
 
     middle: Array
-    separation_mm: float = 65.0
+    separation_mm: float = EYE_SEPARATION_MM
 
     @property
     def left(self) -> Array:

@@ -124,12 +124,12 @@ def _inside(mirror: Mirror) -> tuple[Array, Array, Array]:
 def ray_figures(made: Made, sheet: Sheet, x: Array, y: Array) -> list[Figure]:
     """Rays from the eye to points of the sheet, traced on the STEP file: their directions after reflection."""
     from raytrace import load_reflector, reflect
-    from raytrace.viewing.eye import eye_position
+    from raytrace.viewing.eye import EYE_DISTANCE_MM, eye_position
 
     x, y = x[:RAYS], y[:RAYS]
     box = made.mirror.box
     targets = np.stack([x, y, sheet.height(x, y)], axis=1)
-    eye = eye_position(max(762.0, 2.0 * box[1]), "right", box)
+    eye = eye_position(max(EYE_DISTANCE_MM, 2.0 * box[1]), "right", box)
     rays = (targets - eye) / np.linalg.norm(targets - eye, axis=1, keepdims=True)
     normal = normals(sheet.derivatives(x, y))
     wanted = rays - 2.0 * (rays * normal).sum(axis=1, keepdims=True) * normal
