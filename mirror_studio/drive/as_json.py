@@ -82,7 +82,7 @@ def _figures(measured: Measured) -> dict[str, Json]:
         "lane_line": {"bow_arcmin": None if bow is None else bow.arcmin,
                       "extent_arcmin": None if bow is None else bow.extent_arcmin,
                       "straightness_percent": None if measured.straightness is None else measured.straightness.percent,
-                      "reference_plane_percent": measured.plane_straightness,
+                      "reference_plane_percent": measured.plane_straightness_percent,
                       "unmeasured": measured.line_unmeasured},
         "column": {"tilt_arcmin": None if tilt is None else tilt.arcmin,
                    "flat_tilt_arcmin": None if tilt is None else tilt.flat_arcmin,
@@ -91,7 +91,7 @@ def _figures(measured: Measured) -> dict[str, Json]:
                  "rms_percent": grid.rms_percent, "max_percent": grid.max_percent, "nodes": int(grid.shown.sum())},
         "ground": {"seen_width_m": [{"at_m": one.x_mm / MM, "either": one.either_mm / MM, "both": one.both_mm / MM}
                                     for one in measured.widths],
-                   "nearest_at_flank_m": {"either": _metres(measured.nearest[0]), "both": _metres(measured.nearest[1])}},
+                   "nearest_at_flank_m": {"either": _metres(measured.nearest_mm[0]), "both": _metres(measured.nearest_mm[1])}},
         "blind_zone": _blind(measured),
         "turned": _turned(turned_figures(measured)),
     }

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirror_cad.design_stages import design
-from mirror_cad.spec import Eye, SceneSpec
 from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.world import MM
 from mirror_studio.scene_file import SceneFile
+from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.errors import TraceError
 from raytrace.measures.angular_size import AngularSize, sizes_in_use
 from raytrace.measures.asked import Asked, Face, NearLane
@@ -45,13 +45,10 @@ from raytrace.measures.magnification import (
 )
 from raytrace.measures.registry import Measure
 from raytrace.measures.road_straightness import RoadStraightness, line_unmeasured_in_use, straightness_in_use
-from raytrace.measures.straight_lane import Lane
 from raytrace.measures.yaw_coverage import YawCoverage, yaw_coverage
 from raytrace.scene.bodies import Body
-from raytrace.viewing.eye import eye_position
 from raytrace.viewing.eye_views import EyeViews
-from raytrace.viewing.pose import Pose
-from raytrace.viewing.view import View, box_of
+from raytrace.viewing.view import box_of
 from raytrace.visibility.line_image import Unmeasured
 from raytrace.visibility.orientation import Orientation, orientation
 
@@ -61,12 +58,17 @@ ORIENTATIONS = {"upright": "upright", "inverted": "upside down and left for righ
         "mixed": "some things twice"}
 Magnification = Literal["horizontal", "vertical", "ratio"]
 MAGNIFICATIONS: tuple[Magnification, ...] = get_args(Magnification)
+WIDTH_AT_M = 20.0  # behind the eyes' X = 0, where a mirror that is turned or bent has its seen width followed
 TURNS = np.radians(np.arange(-10.0, 10.5, 1.0))  # of the yaw, about the aim
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What was measured of one mirror; see each record for its definition, and `use` for the registered figures."""
+    """What was measured of one mirror; see each record for its definition, and `use` for the registered figures.
+
+    plane_straightness_percent : of the paper's lane on the reference plane; None where it is not measured.
+    nearest_mm : X of the nearest ground beside the flank that either eye sees, and that both see; NaN where none is.
+    """
 
     mirror: DrivenMirror
     use: MirrorInUse
@@ -81,11 +83,11 @@ class Measured:
     bow: Bow | None
     straightness: RoadStraightness | None
     line_unmeasured: Unmeasured | None
-    plane_straightness: float | None
+    plane_straightness_percent: float | None
     tilt: Tilt | None
     ground: Ground
     widths: tuple[SeenWidth, ...]
-    nearest: tuple[float, float]
+    nearest_mm: tuple[float, float]
     blind: tuple[BlindZone, ...]
     hidden: HiddenCar
     coverage: YawCoverage
@@ -114,17 +116,9 @@ def asked_of(scene: SceneFile, bodies: Mapping[str, Body]) -> Asked:
 
 def in_use(mirror: DrivenMirror, asked: Asked) -> MirrorInUse:
     """A mirror on its vehicle as measures see it, with the eye and the lane that its own specification has beside it."""
-    whole = mirror.whole
-    box = box_of(whole)
-    seat, scene = (mirror.spec.eye, mirror.spec.scene) if mirror.spec is not None else (Eye(), SceneSpec())
-    view = View(whole, Pose.identity(), eye_position(seat.distance_mm, seat.aligned, box))
-    lane = Lane(scene.lane.x0_mm, scene.lane.y0_mm, scene.lane.slope, scene.distance_mm)
-    vehicle = OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked)
-    if mirror.spec is None:
-        return MirrorInUse(view, lane, vehicle=vehicle)
-    designed = mirror.designed or design(mirror.spec)
-    horizontal, vertical = (math.degrees(angle) for angle in designed.section_fields_of_view())
-    return MirrorInUse(view, lane, None, designed.left_height_mm, (horizontal, vertical), vehicle)
+    setup = ViewingSetup.of(mirror.spec, box_of(mirror.whole))
+    designed = None if mirror.spec is None else mirror.designed or design(mirror.spec)
+    return setup.in_use(mirror.whole, designed, OnVehicle(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked))
 
 
 def measure(mirror: DrivenMirror, asked: Asked) -> Measured:
@@ -132,15 +126,27 @@ def measure(mirror: DrivenMirror, asked: Asked) -> Measured:
     use = in_use(mirror, asked)
     views = mirror.views
     return Measured(
-        mirror, use, asked, use.record(aim_in_use), use.record(map_in_use),
-        use.record(extremes_in_use), use.record(disparity_in_use),
-        use.record(fields_in_use), use.record(distortion_in_use), use.record(sizes_in_use), use.record(bow_in_use),
-        use.record(straightness_in_use), use.record(line_unmeasured_in_use), use.record(lane_in_use).percent,
-        use.record(tilt_in_use),
-        seen_ground(views.left, views.right, mirror.host), use.record(widths_in_use), use.record(nearest_in_use),
-        use.record(blind_zones_in_use), use.record(hidden_in_use),
-        yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked.lane, TURNS, 0.0, asked.direct_view),
-        shown_round(views))
+        mirror=mirror, use=use, asked=asked,
+        margin=use.record(aim_in_use),
+        magnification=use.record(map_in_use),
+        magnification_extremes=use.record(extremes_in_use),
+        disparity=use.record(disparity_in_use),
+        fields=use.record(fields_in_use),
+        grid=use.record(distortion_in_use),
+        sizes=use.record(sizes_in_use),
+        bow=use.record(bow_in_use),
+        straightness=use.record(straightness_in_use),
+        line_unmeasured=use.record(line_unmeasured_in_use),
+        plane_straightness_percent=use.record(lane_in_use).percent,
+        tilt=use.record(tilt_in_use),
+        ground=seen_ground(views.left, views.right, mirror.host),
+        widths=use.record(widths_in_use),
+        nearest_mm=use.record(nearest_in_use),
+        blind=use.record(blind_zones_in_use),
+        hidden=use.record(hidden_in_use),
+        coverage=yaw_coverage(mirror.reflector, mirror.pose, mirror.eyes, mirror.host, asked.lane, TURNS,
+                              direct_view=asked.direct_view),
+        orientation=shown_round(views))
 
 
 def shown_round(views: EyeViews) -> Orientation:
@@ -198,7 +204,7 @@ class TurnedFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class MagnificationSpread:
     """A magnification in the middle of the mirror, and from the least to the largest over what is seen."""
 
     middle: float | None = None
@@ -217,7 +223,7 @@ def main_figures(mirror: DrivenMirror, asked: Asked) -> MainFigures:
     if shown_round(views).twice:
         return found
     blind = blind_zone(views.left, views.right, mirror.host, asked.lane, 0.0, asked.direct_view)
-    width = seen_widths(views.left, views.right, mirror.host, (20_000.0,))[0]
+    width = seen_widths(views.left, views.right, mirror.host, (MM * WIDTH_AT_M,))[0]
     return replace(found, horizon_either_deg=extent(eye_fields(views, mirror.host).horizon_clear.either),
                    width_at_20_m=width.either_mm / MM, blind_length_m=blind.length_mm / MM, blind_endless=blind.endless)
 
@@ -229,14 +235,14 @@ def value_of(measured: Measured, measure: Measure) -> float | None:
     return measure.value(measured.use)
 
 
-def spread_of(measured: Measured, name: Magnification) -> Spread:
+def spread_of(measured: Measured, name: Magnification) -> MagnificationSpread:
     """How a magnification spreads over the mirror."""
     found: Extent | None = getattr(measured.magnification_extremes, name)
     if found is None:
-        return Spread()
+        return MagnificationSpread()
     row, column = (int(np.argmin(np.abs(axis))) for axis in (measured.magnification.y, measured.magnification.x))
     values: Array = getattr(measured.magnification.magnification, name)
-    return Spread(_number(float(values[row, column])), found.least, found.largest)
+    return MagnificationSpread(_number(float(values[row, column])), found.least, found.largest)
 
 
 def turned_figures(measured: Measured) -> TurnedFigures:
