@@ -15,11 +15,11 @@ COMMENT = "#"
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[+-]?\d+,(?:[eE][+-]?\d+)?")
 _MINUS = str.maketrans("−–", "--")  # what word processors make of a sign
 
-Column = tuple[str, float]  # what a column's name stands for, and its unit in that of the key
+ColumnMeaning = tuple[str, float]  # what a column's name stands for, and its unit in that of the key
 
 
-def read_numbers(path: Path, column: Callable[[str], Column | None],
-                 wanted: Callable[[Path, str, list[Column | None]], list[tuple[str, int, float]]],
+def read_numbers(path: Path, column: Callable[[str], ColumnMeaning | None],
+                 wanted: Callable[[Path, str, list[ColumnMeaning | None]], list[tuple[str, int, float]]],
                  infinite: Collection[str] = ()) -> dict[str, tuple[list[float], float]]:
     """Read columns of numbers from a text file, in the units that it has them in.
 

@@ -66,7 +66,7 @@ class EqualAngles:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class SplineAngle:
     """The tangent of an angle that is known at places x and smooth between; straight on beyond them.
 
     x (n,) mm, rising.   angle (n,) radians.
@@ -97,8 +97,8 @@ class StraightVerticals:
     With both linear it is a perspective view, in which every straight line stays straight.
     """
 
-    across: Line | EqualAngles | Column
-    upright: Line | EqualAngles | Column
+    across: Line | EqualAngles | SplineAngle
+    upright: Line | EqualAngles | SplineAngle
 
     def tangents(self, x: Array, y: Array) -> Tangents:
         """Compute the ray that leaves at (x, y), mm, and how it turns over the mirror."""

@@ -21,7 +21,7 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.spec.file import load_spec, validate_spec
 from mirror_cad.surfaces.differential import rms_norm, shape_operator
-from mirror_cad.surfaces.faithful import Level
+from mirror_cad.surfaces.faithful import FaithfulLevel
 from mirror_studio.as_json import requirements_as_json
 from mirror_studio.build.methods import compare_methods, with_method
 from mirror_studio.build.results import (
@@ -325,7 +325,7 @@ def test_plane_is_the_same_by_both_methods(tmp_path: Path, plane: Designed, meth
     decoupled, other = (replace(one, deviation=in_percent(one.deviation, None), lane_straightness_percent=None)
                         for one in methods.both())
     assert methods.floor is not None
-    floor = replace(methods.floor, settled=True, degree=7, levels=(Level((6, 5), 10, 1, None, 0.0),))
+    floor = replace(methods.floor, settled=True, degree=7, levels=(FaithfulLevel((6, 5), 10, 1, None, 0.0),))
     flat = replace(methods, decoupled=decoupled, faithful=other, floor=floor)
     page = _report(tmp_path, plane, replace(METRICS, methods=flat), MANIFEST)
     _check_plain(page)

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from mirror_cad.wanted_view import (
-    Column,
     EqualAngles,
     Line,
+    SplineAngle,
     StraightVerticals,
     TableView,
     WantedView,
@@ -31,11 +31,11 @@ def elevation(x: Array, y: Array) -> Array:
 
 
 TABLE = TableView(X, Y, azimuth(X[:, None], Y), elevation(X[:, None], Y))
-STRAIGHT = StraightVerticals(Column(X, azimuth(X, np.zeros(8))), EqualAngles(Line(-130.0, 140.0, -0.3, 0.4)))
+STRAIGHT = StraightVerticals(SplineAngle(X, azimuth(X, np.zeros(8))), EqualAngles(Line(-130.0, 140.0, -0.3, 0.4)))
 
 
 def test_a_column_is_the_cubic_of_its_nodes_and_its_tangent_beyond() -> None:
-    column = Column(X, azimuth(X, np.zeros(8)))
+    column = SplineAngle(X, azimuth(X, np.zeros(8)))
     x = np.linspace(X[0], X[-1], 41)
     tangent, _ = column(x)
     assert np.arctan(tangent) == pytest.approx(azimuth(x, np.zeros(41)), abs=1e-13)

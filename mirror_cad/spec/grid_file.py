@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from mirror_cad.columns import Column, read_numbers
+from mirror_cad.columns import ColumnMeaning, read_numbers
 
 _NAME = re.compile(r"(?P<name>[a-z]+)(?:[\s_]*(?:in\s+|/)?\s*[\[(]?\s*(?P<unit>mm|cm|m|deg|degrees?|°)\s*[\])]?)?",
                    re.IGNORECASE)
@@ -71,7 +71,7 @@ def read_line(path: Path, value: str) -> dict[str, object]:
 
 
 def _columns(path: Path, keys: Sequence[str]) -> dict[str, list[float]]:
-    def wanted(path: Path, head: str, header: list[Column | None]) -> list[tuple[str, int, float]]:
+    def wanted(path: Path, head: str, header: list[ColumnMeaning | None]) -> list[tuple[str, int, float]]:
         found = [(column[0], index, column[1]) for index, column in enumerate(header) if column and column[0] in keys]
         names = [name for name, _, _ in found]
         faults = [f"has no column {key}" + _near(key, head) for key in keys if key not in names]
@@ -94,7 +94,7 @@ def _near(key: str, head: str) -> str:
     return f" (is it {near[0]!r}?)" if near else ""
 
 
-def _column(name: str) -> Column | None:
+def _column(name: str) -> ColumnMeaning | None:
     """The key that a column's name stands for, and its unit in that of the key."""
     found = _NAME.fullmatch(name.strip())
     key = KEYS.get(found["name"].lower()) if found else None

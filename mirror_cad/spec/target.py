@@ -14,7 +14,7 @@ from pydantic.functional_validators import PlainValidator
 
 from mirror_cad.keys import ELSEWHERE, Section, is_number
 from mirror_cad.spec.grid_file import read_grid, read_line
-from mirror_cad.wanted_view import Box, Column, EqualAngles, Line, StraightVerticals, TableView, WantedView, WeightMap
+from mirror_cad.wanted_view import Box, EqualAngles, Line, SplineAngle, StraightVerticals, TableView, WantedView, WeightMap
 
 BEHIND_DEG = 90.0  # from the axis: a ray that leaves at this angle or more goes behind the mirror
 MAX_NODES = 400  # of a table, a direction
@@ -214,7 +214,7 @@ class Target(Section):
             return StraightVerticals(EqualAngles(_between(box[:2], azimuth)), EqualAngles(_between(box[2:], elevation)))
         upright = _between(box[2:], np.tan(elevation))
         if self.projection == "profile":
-            return StraightVerticals(Column(np.array(self.x_mm), azimuth), upright)
+            return StraightVerticals(SplineAngle(np.array(self.x_mm), azimuth), upright)
         return StraightVerticals(_between(box[:2], np.tan(azimuth)), upright)
 
     def in_words(self) -> str:

@@ -80,7 +80,7 @@ class FaithfulSag:
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class FaithfulLevel:
     """One set of spans: what it reached and cost.
 
     Attributes
@@ -114,7 +114,7 @@ class Faithful:
         Of its B-spline.
     ends : tuple of ndarray
         The ends of its spans along x and y, mm.
-    levels : tuple of Level
+    levels : tuple of FaithfulLevel
         One set of spans after the other.
     settled : bool
         Whether more spans gain nothing.
@@ -123,7 +123,7 @@ class Faithful:
     sag: FaithfulSag
     degree: int
     ends: tuple[Array, Array]
-    levels: tuple[Level, ...]
+    levels: tuple[FaithfulLevel, ...]
     settled: bool  # more spans gain nothing
 
 
@@ -171,7 +171,7 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
              breaks: Sequence[tuple[float, int]], degree: int, spans: tuple[int, int] | str, rms: float,
              enough_percent: float) -> Faithful:
     box = outline.bounding_box()
-    levels: list[Level] = []
+    levels: list[FaithfulLevel] = []
     settled = not isinstance(spans, str) or rms == 0.0
     for nx, ny in LEVELS if isinstance(spans, str) else (spans,):
         began = time.perf_counter()
@@ -191,7 +191,8 @@ def _refined(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag
             residual, evaluations = problem.solve()
         sag = FaithfulSag(start.profile, residual)
         reached = _shape_rms_percent(sag, curvature, outline, rms)
-        levels.append(Level((len(ends[0]) - 1, len(ends[1]) - 1), unknowns, evaluations, reached, time.perf_counter() - began))
+        counts = len(ends[0]) - 1, len(ends[1]) - 1
+        levels.append(FaithfulLevel(counts, unknowns, evaluations, reached, time.perf_counter() - began))
         if settled or reached is None or reached < enough_percent or (
                 len(levels) > 1 and _gained_nothing(levels[-2].shape_rms_percent, reached)):
             settled = True

@@ -10,7 +10,7 @@ import numpy as np
 from mirror_cad.design_stages import design
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import load_spec, validate_spec
-from mirror_cad.surfaces.faithful import Level
+from mirror_cad.surfaces.faithful import FaithfulLevel
 from mirror_studio.as_json import method_as_json
 from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.build.methods import compare_methods, with_method
@@ -67,7 +67,7 @@ def _levels(name: str, spec: MirrorSpec, degree: int, all_spans: tuple[tuple[int
     surface = with_method(spec, "faithful").surface
     for spans in all_spans:
         asked = spec.model_copy(update={"surface": surface.model_copy(update={"degree": degree, "spans": spans})})
-        levels: list[Level] = []
+        levels: list[FaithfulLevel] = []
         while len(levels) < RUNS and sum(level.seconds for level in levels) < BUDGET_S:
             found = design(asked).faithful
             levels += found.levels if found is not None else ()

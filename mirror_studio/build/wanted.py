@@ -74,7 +74,7 @@ class Missed:
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class FloorLevel:
     """What least squares reached with so many spans across and upright: RMS, arc minutes."""
 
     spans: tuple[int, int]
@@ -101,7 +101,7 @@ class TargetFigures:
     max_at_mm: tuple[float, float]
     settled: bool
     eyes: dict[str, Missed]
-    floor: tuple[Level, ...]
+    floor: tuple[FloorLevel, ...]
     weighted_rms_arcmin: float | None = None
 
 
@@ -123,4 +123,4 @@ def target_figures(mirror: Mirror, surface: OpticalSurface) -> TargetFigures | N
     return TargetFigures(
         float(np.sqrt(np.mean([one.rms_arcmin**2 for one in each]))), largest.max_arcmin, largest.max_at_mm, found.settled,
         dict(zip(names, each, strict=True)),
-        tuple(Level(level.spans, level.unknowns, level.steps, level.rms_arcmin) for level in found.levels), weighted)
+        tuple(FloorLevel(level.spans, level.unknowns, level.steps, level.rms_arcmin) for level in found.levels), weighted)

@@ -42,11 +42,11 @@ def inspect(data: list[Path], /, *, against: str | None = None, align: Literal["
         from mirror_studio.report.pdf import check_pdf
 
         check_pdf()
-    from mirror_studio.inspect.run import Asked, datums_from
+    from mirror_studio.inspect.run import InspectionRequest, datums_from
     from mirror_studio.inspect.run import inspect_file as run
     from mirror_studio.progress import Progress
 
-    asked = Asked(tuple(data), against, align, sigma_mm, gauge_mm, scene, datums_from(datum or ()))
+    asked = InspectionRequest(tuple(data), against, align, sigma_mm, gauge_mm, scene, datums_from(datum or ()))
     content, missed = run(asked, out or Path("exports") / f"{data[0].stem}-inspection", Progress(), pdf)
     return finish(content, missed, json)
 
@@ -80,9 +80,9 @@ def compensate(data: list[Path], /, *, against: str, mould: Path | None = None, 
         Standard uncertainty of a point along the surface's normal; from the points' own scatter without it.
     """
     start_cad_reader([*data, Path(against), *([] if mould is None else [mould])])
-    from mirror_studio.inspect.compensate import Asked
+    from mirror_studio.inspect.compensate import CompensationRequest
     from mirror_studio.inspect.compensate import compensate as run
     from mirror_studio.progress import Progress
 
-    asked = Asked(tuple(data), against, mould, gain, springback, shrink_percent, offset_mm, align, sigma_mm)
+    asked = CompensationRequest(tuple(data), against, mould, gain, springback, shrink_percent, offset_mm, align, sigma_mm)
     return finish(run(asked, out or Path("exports") / f"{data[0].stem}-mould", Progress()), (), json)

@@ -30,7 +30,7 @@ MIN_MEASURED = 0.9  # of the mirror: from less no mould is made
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class CompensationRequest:
     """What one compensation is of.
 
     Attributes
@@ -65,12 +65,12 @@ class Asked:
         return Forming(self.gain, self.springback, 0.01 * self.shrink_percent, self.offset_mm)
 
 
-def compensate(asked: Asked, out: Path, progress: Progress) -> JsonObject:
+def compensate(asked: CompensationRequest, out: Path, progress: Progress) -> JsonObject:
     """Write the mould's STEP file, compensation.json and a sheet into `out`, which is replaced as a whole.
 
     Parameters
     ----------
-    asked : Asked
+    asked : CompensationRequest
         What it is of.
     out : Path
         The folder.
@@ -116,7 +116,7 @@ def compensate(asked: Asked, out: Path, progress: Progress) -> JsonObject:
     return content
 
 
-def _check(asked: Asked) -> None:
+def _check(asked: CompensationRequest) -> None:
     for option, value, low, high in (("--gain", asked.gain, 0.0, 2.0), ("--springback", asked.springback, 0.0, 2.0)):
         if not low < value <= high:
             raise SpecError(f"{option} {value:g}: must be above {low:g} and at most {high:g}")
@@ -144,7 +144,7 @@ def _mould(path: Path) -> BSplineSurface:
     return surface
 
 
-def _measured(path: Path, asked: Asked, reference: Reference, progress: Progress) -> Inspection:
+def _measured(path: Path, asked: CompensationRequest, reference: Reference, progress: Progress) -> Inspection:
     progress.step(f"{path.name}: reading")
     table = read_table(path)
     if table is not None and "z" not in table.columns:
@@ -170,7 +170,7 @@ def _write_mould(path: Path, name: str, surface: BSplineSurface) -> None:
     write_step(path, [Part(shell, name, OPTICAL_COLOUR, {MOULD_FACE: face})], name)
 
 
-def _write_sheet(path: Path, asked: Asked, name: str, content: dict[str, Json], picture: bytes) -> None:
+def _write_sheet(path: Path, asked: CompensationRequest, name: str, content: dict[str, Json], picture: bytes) -> None:
     from mirror_studio.inspect.sheet import png_uri
 
     deviation, correction = content["deviation"], content["correction"]

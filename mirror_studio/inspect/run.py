@@ -41,7 +41,7 @@ MIN_GAUGE_MM = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class InspectionRequest:
     """What one inspection is of.
 
     Attributes
@@ -71,12 +71,13 @@ class Asked:
     datums: Datums | None = None
 
 
-def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False) -> tuple[JsonObject, tuple[str, ...]]:
+def inspect_file(asked: InspectionRequest, out: Path, progress: Progress, pdf: bool = False,
+                 ) -> tuple[JsonObject, tuple[str, ...]]:
     """Write the set of an inspection into `out`, which is replaced as a whole.
 
     Parameters
     ----------
-    asked : Asked
+    asked : InspectionRequest
         What it is of.
     out : Path
         The folder.
@@ -106,7 +107,7 @@ def inspect_file(asked: Asked, out: Path, progress: Progress, pdf: bool = False)
     return _inspected(asked, reference, read, others, None, out, progress, pdf)
 
 
-def _alone(asked: Asked, out: Path, progress: Progress, pdf: bool) -> tuple[JsonObject, tuple[str, ...]]:
+def _alone(asked: InspectionRequest, out: Path, progress: Progress, pdf: bool) -> tuple[JsonObject, tuple[str, ...]]:
     """An inspection against the nearest sphere."""
     if len(asked.data) != 1:
         raise SpecError("without --against one file of points is inspected: slopes, curvatures and readings need a design")
@@ -121,8 +122,8 @@ def _alone(asked: Asked, out: Path, progress: Progress, pdf: bool) -> tuple[Json
     return _inspected(replace(asked, align="none"), reference, read, [], sphere, out, progress, pdf)
 
 
-def _inspected(asked: Asked, reference: Reference, read: MeasuredPoints, others: list[OtherData], sphere: NearestSphere | None,
-               out: Path, progress: Progress, pdf: bool) -> tuple[JsonObject, tuple[str, ...]]:
+def _inspected(asked: InspectionRequest, reference: Reference, read: MeasuredPoints, others: list[OtherData],
+               sphere: NearestSphere | None, out: Path, progress: Progress, pdf: bool) -> tuple[JsonObject, tuple[str, ...]]:
     """The set of an inspection of what was read."""
     against = asked.against or "the nearest " + ("plane" if sphere is None or sphere.radius_mm is None else
                                                  f"sphere, {sphere.radius_mm:.2f} mm")
@@ -175,7 +176,7 @@ def _inspected(asked: Asked, reference: Reference, read: MeasuredPoints, others:
     return content, _missed(judged, main)
 
 
-def _read(asked: Asked, reference: Reference, progress: Progress) -> tuple[MeasuredPoints, list[OtherData]]:
+def _read(asked: InspectionRequest, reference: Reference, progress: Progress) -> tuple[MeasuredPoints, list[OtherData]]:
     """The points of the one file that holds some, and what the other files hold."""
     points: MeasuredPoints | None = None
     others = []
@@ -255,7 +256,7 @@ def _to_file(reference: Reference, motion: Motion) -> Motion:
     return Motion(back @ motion.rotation, back @ (motion.translation - reference.given.translation), motion.reflected)
 
 
-def _check(asked: Asked) -> None:
+def _check(asked: InspectionRequest) -> None:
     if asked.sigma_mm is not None and not 0.0 < asked.sigma_mm <= LARGEST_SIGMA_MM:
         raise SpecError(f"--sigma-mm {asked.sigma_mm:g}: must be above 0 and at most {LARGEST_SIGMA_MM:g} mm")
     if asked.gauge_mm is not None and not MIN_GAUGE_MM <= asked.gauge_mm < np.inf:

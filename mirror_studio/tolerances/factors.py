@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class RandomQuantity:
     """A random quantity of a row.
 
     Attributes
@@ -41,14 +41,14 @@ class Factor:
     ----------
     name : str
         In tables.
-    columns : tuple of Column
+    columns : tuple of RandomQuantity
         What is drawn for it.
     what : str
         Of the design, in words.
     """
 
     name: str
-    columns: tuple[Column, ...]
+    columns: tuple[RandomQuantity, ...]
     what: str
 
     @property
@@ -60,16 +60,16 @@ class Factor:
         return f"within ±{column.size:g}" if column.kind == "centred" else "at random"
 
 
-def departure(name: str, sigma: float | None, within: float | None) -> Column:
+def departure(name: str, sigma: float | None, within: float | None) -> RandomQuantity:
     """Normally distributed, or anywhere within so much to either side."""
-    return Column(name, "normal", sigma) if sigma is not None else Column(name, "centred", within or 0.0)
+    return RandomQuantity(name, "normal", sigma) if sigma is not None else RandomQuantity(name, "centred", within or 0.0)
 
 
-def angle(name: str, degrees: float) -> Column:
+def angle(name: str, degrees: float) -> RandomQuantity:
     """Any angle from 0 to so many degrees."""
-    return Column(name, "from 0", degrees)
+    return RandomQuantity(name, "from 0", degrees)
 
 
-def draw(name: str) -> Column:
+def draw(name: str) -> RandomQuantity:
     """A number that a random map is drawn by."""
-    return Column(name, "from 0", 1.0)
+    return RandomQuantity(name, "from 0", 1.0)

@@ -25,7 +25,7 @@ from mirror_cad.laws.matched import with_solved
 from mirror_cad.made.form_error import BAND, shortest_wavelength
 from mirror_cad.spec.file import load_spec, read_toml, spec_as_json, validated
 from mirror_studio.explore.study import Value, beside, faults_of_measures, limit_ends, measure_names, put
-from mirror_studio.tolerances.factors import Column, Factor, angle, departure, draw
+from mirror_studio.tolerances.factors import Factor, RandomQuantity, angle, departure, draw
 from mirror_studio.tolerances.made import Departures, FormOfRow
 
 Array = NDArray[np.float64]
@@ -146,7 +146,7 @@ class Tolerances:
         return tuple(_factors(self.file))
 
     @cached_property
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[RandomQuantity, ...]:
         """Of all factors, one after the other."""
         return tuple(column for factor in self.factors for column in factor.columns)
 
@@ -283,7 +283,7 @@ def _factors(file: TolerancesFile) -> Iterator[Factor]:
     for name, form in file.form.items():
         size = f"{form.amplitude_mm:g} mm" if form.rms_mm is None else f"{form.rms_mm:g} mm RMS"
         words = f"{'random map' if form.map == 'random' else 'wave'} of {size} at {form.wavelength_mm:g} mm"
-        columns: tuple[Column, ...] = (draw(f"form.{name}.draw"),)
+        columns: tuple[RandomQuantity, ...] = (draw(f"form.{name}.draw"),)
         if form.map == "wave":
             columns = (angle(f"form.{name}.phase_deg", 360.0),)
             if form.direction_deg is None:
