@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_STEPS = 80  # halving alone takes 37
-SETTLED = 1e-11  # of the bracket: a root that is known to less is found
+ROOT_SHARE = 1e-11  # of the bracket: a root that is known to less is found
 
 
 def roots(function: Callable[[Array], Array], at_low: Array, at_high: Array) -> Array:
@@ -43,7 +43,7 @@ def roots(function: Callable[[Array], Array], at_low: Array, at_high: Array) -> 
         third, at_third = np.where(beside, here, other), np.where(beside, at_here, at_other)
         other, at_other = np.where(beside, other, here), np.where(beside, at_other, at_here)
         here, at_here = there, now
-        least = np.minimum(0.5, SETTLED / np.maximum(np.abs(other - here), SETTLED))
+        least = np.minimum(0.5, ROOT_SHARE / np.maximum(np.abs(other - here), ROOT_SHARE))
         if ((least >= 0.5) | (at_here == 0.0)).all():
             break
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -9,7 +9,7 @@ The frame belongs to the part, so that a part that is moved takes it along. Its 
   point, found by iteration.
 * Up. Where the outline (its convex hull) is its own mirror image about an axis, that axis or the one across it, whichever of
   their four directions is nearest to the file's up; else, and for a round one, the file's up itself, laid across the normal.
-  The file's up is +z, as in vehicle coordinates, where the normal lies within LEVEL of the horizontal plane; else +y, as in
+  The file's up is +z, as in vehicle coordinates, where the normal lies within 30° of the horizontal plane; else +y, as in
   mirror coordinates.
 
 A file whose face stands in mirror coordinates already, with its box about the origin and its normal along z, is left as it is.
@@ -36,21 +36,21 @@ Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 Place = Placement | Literal["auto", "face", "file"]
 
-FACING = 0.5  # least share of a sheet's area that its mean normal carries; a closed body's carries nothing
-TOWARDS = 0.5  # cosine: facets within 60° of a side's direction belong to it
-# Of the size of what reflects, and rad. A face that is no farther from mirror coordinates stands in them: above what float32
-# vertices are rounded by, below what is seen.
-STANDS = 1e-6
-ABOUT = 1e-2  # the same, where only the side that reflects is asked
-LEVEL = 0.5  # sine of 30°: a normal that is no farther from horizontal is that of a mirror in vehicle coordinates
-BULGE = 1e-6  # of the size: a smaller sag is flat
-ROUND = 0.3  # of what a face bends by: a smaller share that is alike in all directions makes no bulge, but a saddle
-ORIENTED = 1e-3  # of an outline's second or fourth moment: below it, rounding would decide where its axes lie
-SYMMETRIC = 2e-3  # of the outline's size: what its two halves may differ by
+MIN_FACING_SHARE = 0.5  # least share of a sheet's area that its mean normal carries; a closed body's carries nothing
+SIDE_COSINE = 0.5  # cosine: facets within 60° of a side's direction belong to it
+# Of the size of what reflects, and radians. A face that is no farther from mirror coordinates stands in them: above what
+# float32 vertices are rounded by, below what is seen.
+IN_PLACE = 1e-6
+NEARLY_IN_PLACE = 1e-2  # the same, where only the side that reflects is asked
+LEVEL_SINE = 0.5  # sine of 30°: a normal that is no farther from horizontal is that of a mirror in vehicle coordinates
+MIN_SAG_SHARE = 1e-6  # of the size: a smaller sag is flat
+MIN_ROUND_SHARE = 0.3  # of what a face bends by: a smaller share that is alike in all directions makes no bulge, but a saddle
+MIN_MOMENT_SHARE = 1e-3  # of an outline's second or fourth moment: below it, rounding would decide where its axes lie
+SYMMETRIC_SHARE = 2e-3  # of the outline's size: what its two halves may differ by
 EQUAL_DECIMALS = 3  # of a side's share of all area: what a grid of samples knows of it
 DIRECTIONS = 128  # in which two halves are compared
-SETTLED = 1e-15  # of the size, and rad: the fixed point is found
-JUDGED = 2  # the step at which the normal is near enough to its end to judge whether the outline is symmetric
+FIXED_POINT = 1e-15  # of the size, and radians: the fixed point is found
+SYMMETRY_STEP = 2  # the step at which the normal is near enough to its end to judge whether the outline is symmetric
 MAX_STEPS = 60  # of its iteration, each of which leaves a twentieth of the error, or less
 
 
@@ -140,7 +140,7 @@ def find_placement(reflector: Reflector) -> Placement:
         raise TraceError("what reflects is a point or a line: it has no normal that its place could be told from")
     direction, side, samples = _side(reflector, samples)
     face = _Face.of(reflector, samples, side, size)
-    if _stands(face, np.zeros(3), STANDS):
+    if _stands(face, np.zeros(3), IN_PLACE):
         return Placement.identity("face")
     # Counted from its middle: facets are met in float32.
     centred = Placement(middle, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
@@ -162,7 +162,7 @@ def _side(reflector: Reflector, samples: AreaSamples) -> tuple[Array, Mask, Area
     """
     sizes, total = samples.sizes, samples.areas.sum(axis=0)
     everything = np.ones(len(sizes), dtype=np.bool_)
-    if np.linalg.norm(total) >= FACING * sizes.sum():
+    if np.linalg.norm(total) >= MIN_FACING_SHARE * sizes.sum():
         direction = total / np.linalg.norm(total)
         if reflector.surface.looks_outward:
             return direction, everything, samples
@@ -177,14 +177,15 @@ def _side(reflector: Reflector, samples: AreaSamples) -> tuple[Array, Mask, Area
     if np.einsum("ni,ni->", samples.points - samples.points.mean(axis=0), samples.areas) < 0.0:
         samples = replace(samples, areas=-samples.areas)  # a body that is inside out
     along = samples.areas @ axis
-    first = np.flatnonzero(np.abs(along) > TOWARDS * sizes)
+    first = np.flatnonzero(np.abs(along) > SIDE_COSINE * sizes)
     turn = float(np.sign(along[first[0]])) if first.size else 1.0
     axis, along = turn * axis, turn * along
-    sides = [(sign * axis, sign * along > TOWARDS * sizes) for sign in (1.0, -1.0)]
+    sides = [(sign * axis, sign * along > SIDE_COSINE * sizes) for sign in (1.0, -1.0)]
     sides = [(direction, side) for direction, side in sides if side.any()] or [(axis, everything)]
     size = _size(samples)
     for direction, side in sides:
-        if direction[2] > 1.0 - ABOUT and _stands(_Face.of(reflector, samples, side, size), np.zeros(3), ABOUT):
+        if direction[2] > 1.0 - NEARLY_IN_PLACE and _stands(
+                _Face.of(reflector, samples, side, size), np.zeros(3), NEARLY_IN_PLACE):
             return direction, side, samples
     # Outwards before inwards, then the larger; equal ones stay in the file's order.
     best = max(sides, key=lambda one: (-_bulge(samples.those(one[1]), one[0]),
@@ -195,8 +196,8 @@ def _side(reflector: Reflector, samples: AreaSamples) -> tuple[Array, Mask, Area
 def _sheet_side(reflector: Reflector, samples: AreaSamples, direction: Array) -> float:
     """1 or −1: whether a sheet that looks in a direction by its facets or its face reflects there, or on its other side."""
     size = _size(samples)
-    if abs(direction[2]) > 1.0 - ABOUT and _stands(
-            _Face.of(reflector, samples, np.ones(len(samples.points), dtype=np.bool_), size), np.zeros(3), ABOUT):
+    if abs(direction[2]) > 1.0 - NEARLY_IN_PLACE and _stands(
+            _Face.of(reflector, samples, np.ones(len(samples.points), dtype=np.bool_), size), np.zeros(3), NEARLY_IN_PLACE):
         return float(np.sign(direction[2]))  # in mirror coordinates it looks along z, however it is bent
     return -1.0 if _bulge(samples, direction) > 0 else 1.0
 
@@ -204,8 +205,8 @@ def _sheet_side(reflector: Reflector, samples: AreaSamples, direction: Array) ->
 def _bulge(samples: AreaSamples, direction: Array) -> int:
     """−1 where a side is convex as seen from a direction, 1 where it is hollow, 0 where it is neither.
 
-    Least squares h = a + b·x + c·y + d·(x² + y²), weighted by area: the sign of d, where d bends it by more than BULGE of
-    its size and by ROUND of all that it bends.
+    Least squares h = a + b·x + c·y + d·(x² + y²), weighted by area: the sign of d, where d bends it by more than MIN_SAG_SHARE
+    of its size and by MIN_ROUND_SHARE of all that it bends.
     """
     x_axis, y_axis = _across(direction)
     p = samples.points - samples.points.mean(axis=0)
@@ -220,7 +221,7 @@ def _bulge(samples: AreaSamples, direction: Array) -> int:
         return 0
     bend = float(square @ height) / norm  # RMS of what the round part bends, times √(Σ weight²)
     size, total = float(np.hypot(np.ptp(x), np.ptp(y))), float(np.linalg.norm(weight))
-    if abs(bend) <= BULGE * size * total or abs(bend) <= ROUND * float(np.linalg.norm(height)):
+    if abs(bend) <= MIN_SAG_SHARE * size * total or abs(bend) <= MIN_ROUND_SHARE * float(np.linalg.norm(height)):
         return 0
     return 1 if bend > 0.0 else -1
 
@@ -262,7 +263,7 @@ class _Face:
         """The frame at the fixed point, for an origin that these coordinates have in the file's."""
         normal, point, fold = direction, np.zeros(3), 0
         for step in range(MAX_STEPS):
-            if step in (0, JUDGED):
+            if step in (0, SYMMETRY_STEP):
                 fold = _fold(*_in_plane(self.points, normal))
             up = _up(self.points, normal, fold)
             right = np.cross(up, normal)
@@ -274,7 +275,7 @@ class _Face:
                 break
             change = float(np.linalg.norm(found[1] - normal)) + float(np.linalg.norm(found[0] - point)) / self.size
             point, normal = found
-            if change <= SETTLED:
+            if change <= FIXED_POINT:
                 break
         return Placement.of(point + origin, normal, _up(self.points, normal, fold), "face")
 
@@ -310,7 +311,7 @@ def _up(points: Array, normal: Array, fold: int) -> Array:
 
 def _file_axes(normal: Array) -> tuple[Array, Array]:
     """To the right as one looks against the normal, and the file's up across it."""
-    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) <= LEVEL else np.array([0.0, 1.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) <= LEVEL_SINE else np.array([0.0, 1.0, 0.0])
     up = up - (up @ normal) * normal
     up /= np.linalg.norm(up)
     return np.cross(up, normal), up
@@ -343,9 +344,9 @@ def _fold(hull: Complex, area: float) -> int:
     size = float(np.abs(hull).max(initial=0.0))
     for fold in (2, 4):
         moment = _moment(hull, fold)
-        if abs(moment) > ORIENTED * area * size**fold:
+        if abs(moment) > MIN_MOMENT_SHARE * area * size**fold:
             axes = float(np.angle(moment)) / fold + np.pi / fold * np.arange(fold)
-            return fold if any(_is_symmetric(hull, float(axis), SYMMETRIC * size) for axis in axes) else 0
+            return fold if any(_is_symmetric(hull, float(axis), SYMMETRIC_SHARE * size) for axis in axes) else 0
     return 0
 
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 # Heights (n, m) of the surface above the planes that touch it at n points, at m distances each along a direction, mm.
 Heights = Callable[[Array], Array]
 
-SETTLED = 1e-15  # of the leg distance: the feet are found, to rounding
+FEET_SHARE = 1e-15  # of the leg distance: the feet are found, to rounding
 MAX_STEPS = 200  # each leaves (C/2R)² of the error: 0.4 of it on the tightest curve that any rule has, and far less on mirrors
 # A dial's sagitta, mm, below which the surface counts as flat: rounding of coordinates of a metre leaves 1e-13, and no dial
 # that is made tells a thousandth of this.
@@ -74,7 +74,7 @@ def readings(heights: Heights, count: int, leg_mm: float) -> Array:
         change = reach[:, None] / np.hypot(along, height)
         along = along * change
         height = heights(along)
-        if not (np.abs(change - 1.0) > SETTLED).any():
+        if not (np.abs(change - 1.0) > FEET_SHARE).any():
             break
     apart = np.hypot(along[:, 1] - along[:, 0], height[:, 1] - height[:, 0])
     middle = along.mean(axis=1), height.mean(axis=1)

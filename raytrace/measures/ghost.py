@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 ARCMIN = np.degrees(1.0) * 60.0
 TILT = 1e-4  # radians of the eye's direction, to either side: the magnification by central differences
 CHORD_STEPS = 4  # each takes the error down some hundredfold; what is left is looked at
-SETTLED = 1e-9  # radians between the two leaving rays: some 1e-6 of the smallest ghost that matters
+PARALLEL_RAD = 1e-9  # between the two leaving rays: some 1e-6 of the smallest ghost that matters
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ def _seen_apart(glass: GlassPlate, eye: Array, ray: Array, wanted: Array) -> Arr
         missing = off(p, q)
         p = p - (missing[:, 0] * by_q[:, 1] - missing[:, 1] * by_q[:, 0]) / determinant
         q = q - (by_p[:, 0] * missing[:, 1] - by_p[:, 1] * missing[:, 0]) / determinant
-    settled = np.linalg.norm(off(p, q), axis=1) <= SETTLED
+    settled = np.linalg.norm(off(p, q), axis=1) <= PARALLEL_RAD
     return np.where(settled, np.arctan(np.hypot(p, q)), np.nan)
 
 

@@ -35,7 +35,8 @@ Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 OUTLINE_GRID = 48  # cells a direction in which a face is looked at for whether it bulges beyond its rim
-WITHIN = 1e-8  # of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it
+# Of a sheet's size, 2e-6 mm: what of a rim lies at its very end is looked at so far inside, where rays meet it.
+END_INSET_SHARE = 1e-8
 # Of the parameters of a point that lies on the face: a grid to start from, and Newton's steps from there.
 START_CELLS, MAX_STEPS = 32, 12
 ON_FACE = 1e-9  # of a sheet's size, 2e-7 mm: a point that is farther from it is not on it
@@ -209,7 +210,7 @@ class BSplineFace(BoundedFace):
         """The least and the greatest (u, v) at which rays meet the sheet."""
         u_min, u_max, v_min, v_max = self.surface.domain
         low, high = np.array([u_min, v_min]), np.array([u_max, v_max])
-        return low + WITHIN * (high - low), high - WITHIN * (high - low)
+        return low + END_INSET_SHARE * (high - low), high - END_INSET_SHARE * (high - low)
 
     def inset(self, margin_mm: float) -> BSplineFace:
         """With the loop moved inwards; only of a height field with one loop."""

@@ -14,7 +14,7 @@ from raytrace.kernels import sign_changes as kernel
 from raytrace.kernels.eye_rays import rays_to
 from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots
-from raytrace.roots import SETTLED, roots
+from raytrace.roots import ROOT_SHARE, roots
 from raytrace.viewing.view import Mask, TracedRays, View
 from raytrace.visibility.image_points import image_points
 from raytrace.visibility.ray_function import RayFunction
@@ -195,7 +195,7 @@ class Edge:
         if isinstance(value, RayFunction) and self.sheet_rim is not None and len(k):
             whole = np.zeros(len(k))
             share = rim_roots(*self.sheet_rim, self.view.posed, value.coefficients, k, whole + low, whole + high,
-                                       at_low, at_high, SETTLED)
+                                       at_low, at_high, ROOT_SHARE)
             if share is not None:
                 return self.between(k, share)
 

@@ -16,7 +16,7 @@ from raytrace.kernels.eye_rays import Posed, rays_to, trace
 from raytrace.kernels.sheet import Sheet, surface_points
 from raytrace.kernels.sheet_rim import Rim, rim_points, rim_roots
 from raytrace.rays import Status
-from raytrace.roots import SETTLED
+from raytrace.roots import ROOT_SHARE
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
 from raytrace.visibility.edge_of import edge_of, sheet_rim_of
@@ -153,7 +153,7 @@ class Edges:
         if shared is not None and len(k):
             at_low, at_high = (function(*self._rays_to(shared.surface[at], of)) for at in (k, shared.following[k]))
             share = rim_roots(shared.sheet, shared.rim, self.posed, function.coefficients, k, np.zeros(len(k)),
-                              np.ones(len(k)), at_low, at_high, SETTLED, of)
+                              np.ones(len(k)), at_low, at_high, ROOT_SHARE, of)
             if share is not None:
                 surface = surface_points(shared.sheet, rim_points(shared.rim, k, share))
                 direct = rays_to(shared.sheet, self.posed, surface, of)

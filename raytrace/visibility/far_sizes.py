@@ -9,9 +9,9 @@ from raytrace.kernels import far_sizes as kernel
 from raytrace.viewing.ray_differentials import Magnification, magnification_of, ray_differentials
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.image_points import (
+    DIRECTION_RAD,
     LONGEST_STEP,
     PASSES_BY,
-    SETTLED,
     follow_image_points,
     image_points,
     shown_inside,
@@ -84,5 +84,5 @@ def _followed(view: View, directions: Array, around: Array, near: Array) -> tupl
         return np.full((len(directions), 3), np.nan), np.full((1 + len(around), len(directions), 2, 2), np.nan)
     pose = view.pose
     return kernel.far_sizes(sheet, view.eye_in_mirror, pose.rotation, np.ascontiguousarray(near),
-                            pose.directions_to_mirror(directions), pose.directions_to_mirror(around), SETTLED, PASSES_BY,
+                            pose.directions_to_mirror(directions), pose.directions_to_mirror(around), DIRECTION_RAD, PASSES_BY,
                             LONGEST_STEP * (view.box[1] - view.box[0]))

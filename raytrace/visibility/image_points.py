@@ -21,9 +21,9 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 # An image point is found when its reflected ray passes the target by less: far above rounding, and 2e-5″. Newton goes on to
-# SETTLED, or until no step betters it, so that what is found does not hang on how it was found.
+# DIRECTION_RAD, or until no step betters it, so that what is found does not hang on how it was found.
 PASSES_BY = 1e-10
-SETTLED = 1e-13  # radians: a few roundings of a direction
+DIRECTION_RAD = 1e-13  # a few roundings of a direction
 MAX_STEPS = 40
 SMALLEST_STEP = 1e-12  # of the mirror's width
 HALVED_TO = 1e-3  # of Newton's own step: where even that betters nothing, the sheet ends or folds
@@ -130,7 +130,7 @@ def _solve(view: View, starts: Array, targets: Array, at_infinity: bool, max_ste
         kernel.rays_through(eye, at, rays, turns)
         trace = reflect(reflector, eye, rays)
         kernel.misses(eye, wanted[going], at_infinity, trace.points, trace.directions, missed, axes, reach)
-        count = kernel.keep_best(going, missed, at, trace.points, SETTLED, PASSES_BY, best, kept, leaving, steps, moving)
+        count = kernel.keep_best(going, missed, at, trace.points, DIRECTION_RAD, PASSES_BY, best, kept, leaving, steps, moving)
         if count:
             part = slice(None) if count == m else np.flatnonzero(moving == 1)
             along = steps[part]
@@ -147,7 +147,7 @@ def solve_on_sheet(sheet: Sheet, eyes: Array, of: Index, starts: Array, wanted: 
                    size_mm: float) -> tuple[Array, Array, Array]:
     """`sheet_image_points.image_points` with the numbers of this file; `size_mm` : the mirror's width."""
     return sheet_image_points.image_points(sheet, eyes, of, np.ascontiguousarray(starts), wanted, at_infinity, max_steps,
-                                           SETTLED, PASSES_BY, SMALLEST_STEP * size_mm, LONGEST_STEP * size_mm, HALVED_TO)
+                                           DIRECTION_RAD, PASSES_BY, SMALLEST_STEP * size_mm, LONGEST_STEP * size_mm, HALVED_TO)
 
 
 @lru_cache(maxsize=8)

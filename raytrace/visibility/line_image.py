@@ -24,7 +24,7 @@ Known = tuple[Array, Array] | None
 
 SAMPLES = 65
 GRID_SHAPE = 17  # samples of each part that the mirror shows, ends included, between which the vehicle's edges are looked for
-BEHIND = 1e-4  # radians of φ: some 0.01 mm of the picture
+PAST_STOP_RAD = 1e-4  # of φ: so far past a stop it is looked at what lies behind it; some 0.01 mm of the picture
 FAR_MM = 1e9  # what the vanishing point counts as where the vehicle may stand before it
 REARWARD = np.array([1.0, 0.0, 0.0])
 UP = np.array([0.0, 0.0, 1.0])
@@ -189,7 +189,7 @@ class LineView:
         if len(at) == 0 or not self.edge.beyond:
             return self.image_points(0.5 * (stops[1:] + stops[:-1]))[1]
         # A little behind each crossing, which Newton reaches from there; before the first it is the other way round.
-        behind = np.minimum(stops[1:-1] + BEHIND, 0.5 * (stops[1:-1] + stops[2:]))
+        behind = np.minimum(stops[1:-1] + PAST_STOP_RAD, 0.5 * (stops[1:-1] + stops[2:]))
         on_plane, _ = follow_image_points(self.edge.view, at, self.line.at(self.along(behind)))
         shows = self.view.trace_points(on_plane).seen
         return np.concatenate([~shows[:1], shows])
