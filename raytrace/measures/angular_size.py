@@ -102,7 +102,7 @@ def sizes_in_use(use: MirrorInUse) -> tuple[AngularSize, ...]:
     return angular_sizes(there.views.middle, face, there.asked.distances, there.host) if face else ()
 
 
-SIDES = (("width", "its two sides at half its height"), ("height", "its lower and upper edge"))
+SIDES = (("width", "a vehicle's two sides at half its height"), ("height", "a vehicle's lower and upper edge"))
 
 
 @register_family
@@ -124,11 +124,11 @@ def vehicle_sizes(use: MirrorInUse) -> tuple[Measure, ...]:
         place = f"{at / 1e3:g}".replace(".", "_")
         for i, (side, ends) in enumerate(SIDES):
             for kind, word, more in (("mirror", "", f"what the mirror shows of {ends}; none where it is not wholly shown"),
-                                     ("flat", ", flat mirror", "the same in a flat mirror in its place")):
+                                     ("flat", ", flat mirror", f"{ends} in a flat mirror in its place")):
                 found.append(Measure(
                     f"vehicle_{place}_m_{side}_{'' if kind == 'mirror' else 'flat_'}arcmin",
                     f"vehicle at {at / 1e3:g} m, {side}{word}", "′", 1,
-                    f"angle at the eye between {more}" if kind == "mirror" else more,
+                    f"angle at the eye between {more}",
                     partial(_side, k, kind, i), group="Size",
                     better="more" if kind == "mirror" else None))
     return tuple(found)

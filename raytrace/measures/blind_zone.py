@@ -245,10 +245,13 @@ def blind_zones(use: MirrorInUse) -> tuple[Measure, ...]:
         place = f"_at_{height / 1e3:g}_m".replace(".", "_") if height else ""
         found.append(Measure(
             f"blind_length{place}_m", f"lane beside in no view, {where}, length", "m", 2,
-            "along the lane's middle: neither in the mirror, for either eye, nor before the limit of direct view",
+            "length of the middle of the lane beside that is seen neither in the mirror, by either eye, nor before the limit "
+            "of direct view",
             partial(_length, k), group=GROUP, better="less", at_least=partial(_endless, k)))
         found.append(Measure(
-            f"blind_area{place}_m2", f"lane beside in no view, {where}, area", "m²", 2, "of the lane between its lines",
+            f"blind_area{place}_m2", f"lane beside in no view, {where}, area", "m²", 2,
+            "area of the lane beside, between its lines, that is seen neither in the mirror, by either eye, nor before the "
+            "limit of direct view",
             partial(_area, k), group=GROUP, better="less", at_least=partial(_endless, k)))
     return tuple(found)
 
@@ -265,5 +268,7 @@ def _endless(k: int, use: MirrorInUse) -> bool:
     return use.record(blind_zones_in_use)[k].endless
 
 
-register(Measure("hidden_car_longest_m", "longest car that hides", "m", 2, "1.8 m wide, wholly in no view at both heights",
+register(Measure("hidden_car_longest_m", "longest car that hides", "m", 2,
+                 "length of the longest car, 1.8 m wide, that is wholly in no view, both on the ground and at the height that "
+                 "the scene asks about",
                  lambda use: metres(use.record(hidden_in_use).longest_mm), group=GROUP, better="less"))

@@ -95,8 +95,10 @@ def _of_tilt(use: MirrorInUse, name: str) -> float | None:
     return None if found is None else float(getattr(found, name))
 
 
-register(Measure("column_tilt_arcmin", "column tilt", "′", 1, "how far the column's image leans to the right",
+register(Measure("column_tilt_arcmin", "column tilt", "′", 1,
+                 "angle at the eye by which the image of an upright column leans to the right",
                  lambda use: _of_tilt(use, "arcmin"), group="Straightness", better="less"))
 register(Measure("column_tilt_by_curvature_arcmin", "column tilt by the mirror's curvature", "′", 1,
-                 "less that of a flat mirror tangent there", lambda use: _of_tilt(use, "by_curvature_arcmin"),
-                 group="Straightness", better="less"))
+                 "angle by which the image of an upright column leans to the right, less that in a flat mirror that touches "
+                 "this one where the column is seen",
+                 lambda use: _of_tilt(use, "by_curvature_arcmin"), group="Straightness", better="less"))

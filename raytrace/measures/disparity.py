@@ -188,7 +188,8 @@ def disparity_in_use(use: MirrorInUse) -> Disparity:
 
 
 register(Measure("disparity_max_percent", "binocular disparity, largest", "%", 2,
-                 "difference of the horizontal size of a far object between the eyes, of their mean",
+                 "largest difference of the horizontal size of a far object between the eyes, of their mean",
                  lambda use: use.record(disparity_in_use).max_percent, group="Two eyes", better="less"))
-register(Measure("disparity_max_rate_percent_per_mm", "its largest rate of change", "%/mm", 3, "along a row of the mirror",
+register(Measure("disparity_max_rate_percent_per_mm", "binocular disparity, largest rate of change", "%/mm", 3,
+                 "largest change of the binocular disparity along a row of the mirror, a millimetre",
                  lambda use: use.record(disparity_in_use).max_rate_percent_per_mm, group="Two eyes", better="less"))

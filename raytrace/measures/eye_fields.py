@@ -230,11 +230,14 @@ register(Measure("h_fov_between_edges_deg", "between the edges", "°", 2,
 register(Measure("horizon_left_deg", "horizon, left eye", "°", 2,
                  "azimuths of the horizon that the left eye sees beside the host vehicle",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.left), group="Field of view", better="more"))
-register(Measure("horizon_right_deg", "horizon, right eye", "°", 2, "the same for the right eye",
+register(Measure("horizon_right_deg", "horizon, right eye", "°", 2,
+                 "azimuths of the horizon that the right eye sees beside the host vehicle",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.right), group="Field of view", better="more"))
-register(Measure("horizon_either_deg", "horizon, either eye (ambinocular)", "°", 2, "azimuths that one eye sees at least",
+register(Measure("horizon_either_deg", "horizon, either eye (ambinocular)", "°", 2,
+                 "azimuths of the horizon that at least one eye sees beside the host vehicle",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.either), group="Field of view", better="more"))
-register(Measure("horizon_both_deg", "horizon, both eyes (binocular)", "°", 2, "azimuths that both eyes see",
+register(Measure("horizon_both_deg", "horizon, both eyes (binocular)", "°", 2,
+                 "azimuths of the horizon that both eyes see beside the host vehicle",
                  lambda use: extent(use.record(fields_in_use).horizon_clear.both), group="Field of view", better="more"))
 register(Measure("upright_either_deg", "upright, either eye", "°", 2,
                  "elevations shown at the azimuth of the mirror's middle, beside the host vehicle", _upright,

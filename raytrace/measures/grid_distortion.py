@@ -161,7 +161,10 @@ def distortion_in_use(use: MirrorInUse) -> GridDistortion:
 
 
 register(Measure("grid_distortion_rms_arcmin", "distortion of the 1° grid, RMS", "′", 1,
-                 "angle at the eye from the affine map that fits best",
+                 "root mean square of the angles, at the eye, between the images of the grid's points and the affine map of "
+                 "the grid that fits them best",
                  lambda use: use.record(distortion_in_use).rms_arcmin, group="Straightness", better="less"))
-register(Measure("grid_distortion_max_arcmin", "distortion of the 1° grid, largest", "′", 1, "the same",
+register(Measure("grid_distortion_max_arcmin", "distortion of the 1° grid, largest", "′", 1,
+                 "largest angle, at the eye, between the image of a point of the grid and the affine map of the grid that "
+                 "fits best",
                  lambda use: use.record(distortion_in_use).max_arcmin, group="Straightness", better="less"))

@@ -293,9 +293,10 @@ def widths_in_use(use: MirrorInUse) -> tuple[SeenWidth, ...]:
     return seen_widths(there.views.left, there.views.right, there.host, there.asked.widths_at)
 
 
-register(Measure("yaw_deg", "yaw", "°", 2, "about the vertical, from facing straight rearward towards the vehicle",
+register(Measure("yaw_deg", "yaw", "°", 2,
+                 "turn of the mirror about the vertical, from facing straight rearward towards the vehicle",
                  lambda use: float(np.degrees(use.on_vehicle.pose.yaw)), group="Aim", local=True))
-register(Measure("pitch_deg", "pitch", "°", 2, "then about the mirror's own horizontal axis, upwards",
+register(Measure("pitch_deg", "pitch", "°", 2, "turn of the mirror about its own horizontal axis, upwards, after the yaw",
                  lambda use: float(np.degrees(use.on_vehicle.pose.pitch)), group="Aim", local=True))
 register(Measure("flank_share", "host vehicle's flank", "of width", 3,
                  "share of the width, from the inboard edge, that the host vehicle's flank takes on the row of the horizon, "

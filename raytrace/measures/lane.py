@@ -22,7 +22,9 @@ PLACES = 65  # at which a height is looked for between the edges of the surface
 ROOT_MM = 1e-11  # of a height: rounding of coordinates of some 100 mm
 MAX_STEPS = 100  # halving alone takes 50
 # An image whose tangent rises less than this share of the width is level: what is left of it is the roots' rounding.
-LEVEL = 1e-6
+LEVEL_SHARE = 1e-6
+# Of five samples: twelve times their step times the first derivative at the first one, to the fourth order.
+END_DERIVATIVE = np.array([25.0, -48.0, 36.0, -16.0, 3.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +154,9 @@ def lane_straightness_percent(surface: OpticalSurface, eye: Array, lane: Straigh
     *right, left = lane_heights(surface, eye, lane, x, domain[2], domain[3])
     if not np.isfinite([*right, left]).all():
         return None
-    tangent = float(np.array([25.0, -48.0, 36.0, -16.0, 3.0]) @ np.array(right)) / (12.0 * h)
+    tangent = float(END_DERIVATIVE @ np.array(right)) / (12.0 * h)
     line = -tangent * width
-    if abs(line) < LEVEL * width:
+    if abs(line) < LEVEL_SHARE * width:
         return None
     return 100.0 * (abs(float(left - right[0])) - abs(line)) / abs(line)
 

@@ -151,13 +151,17 @@ def _least(extent: Extent | None) -> float | None:
 
 
 register(Measure("magnification_middle", "horizontal magnification, middle", "", 3,
-                 "seen size of a far, level object over that in a flat mirror at the same place",
+                 "seen size of a far, level object over that in a flat mirror at the same place, in the middle of the mirror",
                  lambda use: _middle(use.record(map_in_use).magnification.horizontal, use.record(map_in_use)), group="Size",
                  better="more", local=True))
-register(Measure("magnification_least", "horizontal magnification, least", "", 3, "over the mirror",
+register(Measure("magnification_least", "horizontal magnification, least", "", 3,
+                 "seen size of a far, level object over that in a flat mirror at the same place, where it is least on the "
+                 "mirror",
                  lambda use: _least(use.record(extremes_in_use).horizontal), group="Size", better="more", local=True))
-register(Measure("magnification_vertical_middle", "vertical magnification, middle", "", 3, "the same of an upright object",
+register(Measure("magnification_vertical_middle", "vertical magnification, middle", "", 3,
+                 "seen size of a far, upright object over that in a flat mirror at the same place, in the middle of the mirror",
                  lambda use: _middle(use.record(map_in_use).magnification.vertical, use.record(map_in_use)), group="Size",
                  better="more", local=True))
-register(Measure("magnification_ratio_least", "horizontal over vertical, least", "", 3, "below 1 things look too slim",
+register(Measure("magnification_ratio_least", "horizontal over vertical, least", "", 3,
+                 "horizontal over vertical magnification, where on the mirror that is least: below 1 things look too slim",
                  lambda use: _least(use.record(extremes_in_use).ratio), group="Size", better="more", local=True))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.measures.in_use import MirrorInUse
-from raytrace.measures.lane import LEVEL
+from raytrace.measures.lane import END_DERIVATIVE, LEVEL_SHARE
 from raytrace.measures.line_bow import MIN_SAMPLES as MIN_OF_BOW
 from raytrace.measures.line_bow import bow_in_use
 from raytrace.measures.registry import Measure, register
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 # Of what is seen of the line, as an angle: the step of the tangent's differences. Their error is of its fourth power; that of
 # the places is 1e-10 radians of a ray.
 STEP_SHARE = 5e-3
-ONE_SIDED = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12.0  # first derivative, from the first of five places on
 MIN_SAMPLES = 5
 
 
@@ -78,13 +77,13 @@ def road_straightness(view: View, line: StraightLine, host: HostVehicle | None =
     on_plane, _ = seen.image_points(angle)
     at = seen.edge.view.trace_points(on_plane).on_mirror[:, :2]
     at[0] = image.on_mirror[-1, :2]
-    by_angle = ONE_SIDED @ at
+    by_angle = END_DERIVATIVE / 12.0 @ at
     across, rise = image.on_mirror[0, :2] - image.on_mirror[-1, :2]
     width = view.box[1] - view.box[0]
-    if not np.isfinite(at).all() or abs(by_angle[0]) < LEVEL * abs(by_angle[1]) or abs(across) < LEVEL * width:
+    if not np.isfinite(at).all() or abs(by_angle[0]) < LEVEL_SHARE * abs(by_angle[1]) or abs(across) < LEVEL_SHARE * width:
         return None
     straight = float(by_angle[1] / by_angle[0] * across)
-    if abs(straight) < LEVEL * width:
+    if abs(straight) < LEVEL_SHARE * width:
         return None
     return RoadStraightness(100.0 * (abs(float(rise)) - abs(straight)) / abs(straight), image.on_mirror[-1, :2],
                             image.on_mirror[0, :2], float(image.on_mirror[-1, 1]) + straight, image)
@@ -113,5 +112,5 @@ def _percent(use: MirrorInUse) -> float | None:
 
 
 register(Measure("lane_straightness_road_percent", "lane straightness on the road", "%", 1,
-                 "|Δy_curve| − |Δy_line| over |Δy_line|, the line being the image's tangent at its far end", _percent,
-                 group="Straightness", better="less"))
+                 "(|Δy_curve| − |Δy_line|)/|Δy_line| of the image of a line on the road between its two ends, the line being "
+                 "the image's tangent at the far one", _percent, group="Straightness", better="less"))
