@@ -124,7 +124,7 @@ class Faithful:
     degree: int
     ends: tuple[Array, Array]
     levels: tuple[FaithfulLevel, ...]
-    settled: bool  # more spans gain nothing
+    settled: bool
 
 
 def closest_surface(curvature: DesignedCurvature, outline: Outline, start: DecoupledSag, domain: Box,
@@ -251,7 +251,7 @@ class _Problem:
         origin_y = dense_basis(residual.knots_v, residual.degree_v, np.zeros(1), 1)
         poles = residual.poles[..., 2]
         self.fold: Array | None = None
-        if _mirrored(y) and _mirrored(residual.knots_v) and np.array_equal(inside, inside[:, ::-1]):
+        if _symmetric(y) and _symmetric(residual.knots_v) and np.array_equal(inside, inside[:, ::-1]):
             upper = y > 0.0
             y, weight_y, inside, basis_y = y[upper], weight_y[upper], inside[:, upper], basis_y[:, upper]
             n = poles.shape[1]
@@ -346,5 +346,6 @@ def shape_operator_partials(p: Array, q: Array, r: Array, s: Array, t: Array) ->
     return of_w11, of_w22, of_w12
 
 
-def _mirrored(y: Array) -> bool:
+def _symmetric(y: Array) -> bool:
+    """Whether values (n,), rising, are their own mirror image about 0."""
     return bool(np.allclose(y, -y[::-1], rtol=0.0, atol=1e-9 * float(np.abs(y).max())))

@@ -63,6 +63,7 @@ from raytrace.seating import Place
 from raytrace.surfaces.base import GlassPlate
 from raytrace.surfaces.mesh import Normals
 from raytrace.viewing.camera import Frame
+from raytrace.viewing.view import box_of
 
 if TYPE_CHECKING:
     from mirror_cad.occt.step import StepFile
@@ -218,7 +219,8 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     if hand is not None and "hand" in spec.part.model_fields_set and hand != spec.part.hand:
         progress.step(f"{path.name}: note: the file has a {hand}-hand mirror, {spec.name} states part.hand = "
                       f"\"{spec.part.hand}\": the file's hand is taken")
-    box = _front_box(reflector)
+    box = box_of(reflector)
+    _refuse_edge_on(box)
     setup = ViewingSetup.of(spec, box)
     eye, use = setup.eye, setup.in_use(reflector)
     scene = setup.scene(picture, spec)
@@ -292,14 +294,12 @@ def _glass(mirror: Mirror, plate: GlassPlate, eye: Array, h_fov: float | None) -
 # --- what is taken from any reflector ------------------------------------------------------------------------
 
 
-def _front_box(reflector: Reflector) -> tuple[float, float, float, float]:
-    """(x_min, x_max, y_min, y_max) of what reflects."""
-    points = reflector.outline()
-    (x_min, y_min, _), (x_max, y_max, _) = points.min(axis=0), points.max(axis=0)
+def _refuse_edge_on(box: tuple[float, float, float, float]) -> None:
+    """Raises: TraceError for what reflects in a box (x_min, x_max, y_min, y_max) that a driver sees nothing in."""
+    x_min, x_max, y_min, y_max = box
     if x_max - x_min < SMALLEST_BOX_MM or y_max - y_min < SMALLEST_BOX_MM:
         raise TraceError(f"what reflects is {x_max - x_min:.3g} × {y_max - y_min:.3g} mm across as the driver looks at it: it "
                          "is seen edge-on, or has no edges. State with --place where it is, or choose its face with --face")
-    return float(x_min), float(x_max), float(y_min), float(y_max)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

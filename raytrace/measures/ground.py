@@ -185,10 +185,10 @@ def seen_widths(left: View, right: View, host: HostVehicle, at_mm: tuple[float, 
     """
     x = np.array(sorted(at_mm))
     seen = [visible_intervals(edge_of(view), 0, x, 0.0, host) for view in (left, right)]
-    one, two = union(*seen), intersection(*seen)
+    either, both = union(*seen), intersection(*seen)
     side = side_of(left)
-    return tuple(SeenWidth(float(value), one.of(row), two.of(row), _from_flank(one.of(row), host, side),
-                           _from_flank(two.of(row), host, side)) for row, value in enumerate(x))
+    return tuple(SeenWidth(float(value), either.of(row), both.of(row), _from_flank(either.of(row), host, side),
+                           _from_flank(both.of(row), host, side)) for row, value in enumerate(x))
 
 
 def nearest_at_flank(left: View, right: View, host: HostVehicle, beside_mm: float = BESIDE_MM) -> tuple[float, float]:
@@ -206,8 +206,8 @@ def nearest_at_flank(left: View, right: View, host: HostVehicle, beside_mm: floa
     """
     y = np.array([side_of(left) * (host.half_width_mm + beside_mm)])
     seen = [visible_intervals(edge_of(view), 1, y, 0.0, host) for view in (left, right)]
-    one, two = union(*seen), intersection(*seen)
-    return (float(one.low[0]) if len(one.low) else np.nan), (float(two.low[0]) if len(two.low) else np.nan)
+    either, both = union(*seen), intersection(*seen)
+    return (float(either.low[0]) if len(either.low) else np.nan), (float(both.low[0]) if len(both.low) else np.nan)
 
 
 def horizon_margin(view: View, host: HostVehicle) -> HorizonMargin:

@@ -166,9 +166,9 @@ class BSplineFace(BoundedFace):
         """Without a search where a ray can meet it only once; what that leaves, with one. See `OpticalSurface`."""
         field, strips = self.height_field, self.trimming.strips
         if field is not None:
-            run(partial(height_field.hits, field, strips), rays, out, self.sorting_grid)
+            run_kernel(partial(height_field.hits, field, strips), rays, out, self.sorting_grid)
         elif len(self.patches.sheet):
-            run(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
+            run_kernel(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
         else:
             out.status[:] = LOST
         for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
@@ -179,7 +179,7 @@ class BSplineFace(BoundedFace):
         found = Trace.empty(len(rays))
         field = self.height_field
         if field is not None:
-            run(partial(height_field_search.first_hits, field, self.trimming.strips, self.one_sided), rays, found)
+            run_kernel(partial(height_field_search.first_hits, field, self.trimming.strips, self.one_sided), rays, found)
             return found
         search_pieces(self.pieces, rays, found)
         return found
@@ -188,7 +188,7 @@ class BSplineFace(BoundedFace):
         """By its poles; of a right-hand mirror with u run backwards too: S_u × S_v stays on its side, and u = x so."""
         s = self.surface
         poles = motion.to_mirror(s.poles)
-        if motion.hand == "right":  # with u run backwards too, S_u × S_v stays on its side, and u = x stays so
+        if motion.hand == "right":
             return replace(self, surface=replace(s, poles=poles).u_reversed(),
                            loops=tuple(loop * [-1.0, 1.0] for loop in self.loops))
         again = replace(self, surface=BSplineSurface(s.degree_u, s.degree_v, s.knots_u, s.knots_v, poles, s.weights))
@@ -346,7 +346,7 @@ def reflected_from_graph(eye: Array, x: Array, y: Array, z: Array, z_x: Array, z
 
 
 def search_pieces(pieces: Pieces, rays: Rays, found: Trace, begun: bool = False) -> None:
-    """Find the first point that each ray meets of B-splines, by a search that starts nowhere.
+    """Find the first point that each ray meets of B-splines, by a search that needs no point to start from.
 
     Parameters
     ----------
@@ -362,8 +362,9 @@ def search_pieces(pieces: Pieces, rays: Rays, found: Trace, begun: bool = False)
     first_hits(pieces, rays.origins.ravel(), units.ravel(), valid, found.flat)
 
 
-def run(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace, grid: SortingGrid | None = None) -> None:
-    """A kernel on all cores: of each run of rays it gets the origins, the directions and the results, flat.
+def run_kernel(kernel: Callable[[Array, Array, Results], None], rays: Rays, out: Trace, grid: SortingGrid | None = None,
+               ) -> None:
+    """Run a kernel on all cores: of each run of rays it gets the origins, the directions and the results, flat.
 
     grid : where rays go on the sheet: the kernel gets those that lie apart sorted by that.
     """

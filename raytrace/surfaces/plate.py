@@ -16,7 +16,7 @@ from raytrace.kernels.order import SortingGrid
 from raytrace.rays import Index, Mask, Rays, Status, Trace
 from raytrace.surfaces.area_samples import AreaSamples
 from raytrace.surfaces.base import Box, OpticalSurface, RigidMotion, no_inset, no_transition
-from raytrace.surfaces.bspline import BSplineFace, run
+from raytrace.surfaces.bspline import BSplineFace, run_kernel
 from raytrace.surfaces.faces import Face
 from raytrace.surfaces.rim import Curve
 
@@ -97,7 +97,7 @@ class Plate(OpticalSurface):
         if sheets is None:
             self.face_by_face(rays, out)
             return
-        run(partial(glass.hits, sheets), rays, out, self._grid)
+        run_kernel(partial(glass.hits, sheets), rays, out, self._grid)
         for part, some in rays.in_parts(np.flatnonzero(out.status == Status.LOST)):
             found = Trace.empty(len(some))
             self.face_by_face(some, found)
