@@ -95,8 +95,9 @@ def design(spec: MirrorSpec) -> Mirror:
     else:
         model = _faithful(spec, outline, designed, exact, series.domain, breaks)
     fit = _fitted(spec, outline, designed, model, series.domain, breaks)
-    return Mirror(spec, fit.surface, outline, box, designed, exact, model.exact, model.integrated, model.faithful, fit,
-                  laws.matched, (*read_notes, *_remarks(spec, box), *limit_notes))
+    return Mirror(spec=spec, surface=fit.surface, outline=outline, box=box, curvature=designed, exact=exact, model=model.exact,
+                  integrated=model.integrated, faithful=model.faithful, fit=fit, matched=laws.matched,
+                  notes=(*read_notes, *_remarks(spec, box), *limit_notes))
 
 
 # --- the stages of a design ---------------------------------------------------------------------------------------
@@ -189,9 +190,10 @@ def _fitted(spec: MirrorSpec, outline: Outline, designed: DesignedCurvature, mod
     if surface.method == "sphere" and surface.fit == "collocation" and surface.spans == "auto":
         position_mm, percent = min(position_mm, SPHERE_POSITION_MM), min(percent, SPHERE_CURVATURE_PERCENT)
         degree = SPHERE_DEGREE if degree == "auto" else degree
-    task = FitTask(model.integrated, domain, outline.bounding_box(),
-                   orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
-                   lambda x: designed.reference_curvature(x, rms), position_mm, percent, ends)
+    task = FitTask(sag=model.integrated, domain=domain, judged=outline.bounding_box(),
+                   breaks=orders_at_breaks(*breaks, continuity, domain[1] - domain[0]),
+                   reference_curvature=lambda x: designed.reference_curvature(x, rms),
+                   position_tolerance_mm=position_mm, curvature_tolerance_percent=percent, ends=ends)
     if surface.fit == "collocation":
         return fit_by_collocation(task, degree, surface.spans)
     from mirror_cad.occt.fit import fit_by_kernel
@@ -225,10 +227,11 @@ def _design_from_view(spec: MirrorSpec, target: Target, outline: Outline, read_n
     height, slope, bend = (partial(_along_middle, sag, key) for key in (0, 1, 3))
     profile = Profile(height, slope, bend, domain[0], domain[1], "wanted view", len(ends) - 1)
     designed, exact = DesignedCurvature(across, upright), DecoupledSag(profile, upright)
-    fit = Fit(surface, "least squares on the reflected rays", surface.degree_u,
-              (len(ends) - 1, len(np.unique(surface.knots_v)) - 1), 0.0, 0.0, (0.0, 0.0),
-              time.perf_counter() - began, True)
-    return Mirror(spec, surface, outline, box, designed, exact, sag, sag, None, fit, None, tuple(notes), found)
+    fit = Fit(surface=surface, route="least squares on the reflected rays", degree=surface.degree_u,
+              spans=(len(ends) - 1, len(np.unique(surface.knots_v)) - 1), position_error_mm=0.0, curvature_error_percent=0.0,
+              worst_at_mm=(0.0, 0.0), seconds=time.perf_counter() - began, met=True)
+    return Mirror(spec=spec, surface=surface, outline=outline, box=box, curvature=designed, exact=exact, model=sag,
+                  integrated=sag, faithful=None, fit=fit, matched=None, notes=tuple(notes), from_view=found)
 
 
 def _own_curvature(sag: Sag, key: int, x: Array) -> Array:

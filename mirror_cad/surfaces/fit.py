@@ -321,7 +321,8 @@ def _fit(task: FitTask, surface: BSplineSurface, route: str, x: Array, y: Array,
     met = float(off.max()) <= task.position_tolerance_mm
     met = met and (largest is None or largest <= task.curvature_tolerance_percent)
     spans = (len(np.unique(surface.knots_u)) - 1, len(np.unique(surface.knots_v)) - 1)
-    return Fit(surface, route, surface.degree_u, spans, float(off.max()), largest, (float(x[i]), float(y[j])), 0.0, met)
+    return Fit(surface=surface, route=route, degree=surface.degree_u, spans=spans, position_error_mm=float(off.max()),
+               curvature_error_percent=largest, worst_at_mm=(float(x[i]), float(y[j])), seconds=0.0, met=met)
 
 
 def _sag_of(surface: BSplineSurface, x: Array, y: Array) -> SagDerivatives:
