@@ -32,10 +32,22 @@ STEP_KINDS = (".step", ".stp")
 class CadFace:
     """What is known of a face before its shape is asked for.
 
-    number : from 1 on, in the file's order.   name : its own, "" without one.   parts : the products and instances it belongs
-    to, outermost first.   layers : that it or its part lies on.   colour : 8 bits of sRGB a channel; its solid's or part's
-    where it has none of its own.   surface : what it is, in a word; "triangles" where it has no surface.   area_mm2 : None
-    where it was not asked for.
+    Attributes
+    ----------
+    number : int
+        From 1 on, in the file's order.
+    name : str
+        Its own, "" without one.
+    parts : tuple of str
+        The products and instances it belongs to, outermost first.
+    layers : tuple of str
+        Those that it or its part lies on.
+    colour : tuple or None
+        8 bits of sRGB a channel; its solid's or part's where it has none of its own.
+    surface : str
+        What it is, in a word; "triangles" where it has no surface.
+    area_mm2 : float or None
+        None where it was not asked for.
     """
 
     number: int
@@ -51,7 +63,14 @@ class CadFace:
 class FaceShape:
     """A face in mm where the file places it: its surface inside loops, closed polygons (n, 2) in its (u, v), even-odd.
 
-    sign : 1 where S_u × S_v looks out of the material, else −1. A face of triangles alone has no loops.
+    Attributes
+    ----------
+    surface : BSplineSurface, Quadric or SurfaceMesh
+        mm.
+    loops : tuple of ndarray
+        None of a face of triangles alone.
+    sign : float
+        1 where S_u × S_v looks out of the material, else −1.
     """
 
     surface: BSplineSurface | Quadric | SurfaceMesh
@@ -63,8 +82,16 @@ class FaceShape:
 class CadFile:
     """The faces of a CAD file.
 
-    missing : the files of its parts that it names but that are not beside it.   lost : the names of the faces, "" without one,
-    that it holds but that the kernel could not make.
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    faces : tuple of CadFace
+        In the file's order.
+    missing : tuple of str
+        The files of its parts that it names but that are not beside it.
+    lost : tuple of str
+        The names of the faces, "" without one, that it holds but that the kernel could not make.
     """
 
     path: Path
@@ -75,14 +102,23 @@ class CadFile:
     def shapes(self, faces: Sequence[CadFace], splines: bool = False, progress: Progress | None = None) -> list[FaceShape]:
         """The shapes of faces of this file; with `splines`, planes, cylinders and spheres as B-splines too.
 
-        Raises: FileError, SurfaceError where one cannot be had.
+        Raises
+        ------
+        FileError, SurfaceError
+            Where one cannot be had.
         """
         wanted = [face.number - 1 for face in faces]
         answer = asked(self.path, "shapes", wanted, splines, progress=progress)
         return [_shape(*each) for each in cast("list[tuple[str, tuple[object, ...], tuple[Array, ...], float]]", answer)]
 
     def meshes(self, faces: Sequence[CadFace], deflection_mm: float, progress: Progress | None = None) -> list[SurfaceMesh]:
-        """Triangles of faces of this file, within about that deflection. Raises: FileError where the kernel has none."""
+        """Triangles of faces of this file, within about that deflection.
+
+        Raises
+        ------
+        FileError
+            Where the kernel has none.
+        """
         answer = asked(self.path, "meshes", [face.number - 1 for face in faces], deflection_mm, progress=progress)
         return [SurfaceMesh(*each) for each in cast("list[tuple[Array, NDArray[np.int32]]]", answer)]
 

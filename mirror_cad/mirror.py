@@ -133,7 +133,12 @@ class Mirror:
 
     @cached_property
     def plate(self) -> Plate:
-        """The solid with its optical face, area and volume. Raises: SolidError."""
+        """The solid with its optical face, area and volume.
+
+        Raises
+        ------
+        SolidError
+        """
         from mirror_cad.occt.solid import plate
 
         glass = self.spec.glass
@@ -141,7 +146,12 @@ class Mirror:
 
     @cached_property
     def front(self) -> BSplineSurface:
-        """The surface towards the driver: the optical one, or the one before it that light goes in by. Raises: SolidError."""
+        """The surface towards the driver: the optical one, or the one before it that light goes in by.
+
+        Raises
+        ------
+        SolidError
+        """
         return self.surface if self.spec.glass.reflecting == "front" else self._other_face[0]
 
     @cached_property

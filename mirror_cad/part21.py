@@ -19,8 +19,16 @@ _RECORD = re.compile(r"#(\d+)\s*=\s*((?:[^;']|'(?:[^']|'')*')*);")
 def read_named_surface(path: Path, face_name: str) -> BSplineSurface:
     """The surface of ADVANCED_FACE('face_name', …), from degree, knots, multiplicities and poles as the text gives them.
 
-    The file must be in mm. Raises: FileError where the face, its B_SPLINE_SURFACE_WITH_KNOTS or the unit is missing.
-    Source: ISO 10303-21 (the text), ISO 10303-42 (the entity).
+    The file must be in mm.
+
+    Raises
+    ------
+    FileError
+        Where the face, its B_SPLINE_SURFACE_WITH_KNOTS or the unit is missing.
+
+    References
+    ----------
+    ISO 10303-21 (the text), ISO 10303-42 (the entity).
     """
     try:
         text = path.read_text("ascii")

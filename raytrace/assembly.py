@@ -21,7 +21,11 @@ def assembled(faces: list[Face], fronts: list[Face], obstacles: list[SurfaceMesh
     """What reflects, the glass's front faces before it and what stands in the way, as one reflector.
 
     Faces that a mirror was drawn in parts as are one again.
-    Raises: TraceError for glass with more than one face to either side.
+
+    Raises
+    ------
+    TraceError
+        For glass with more than one face to either side.
     """
     surfaces = without_seams(faces)
     if not fronts:

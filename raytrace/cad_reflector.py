@@ -26,7 +26,12 @@ def reflector_from_cad(file: CadFile, face: str | int | Colour | None, index: fl
                        progress: Progress | None = None) -> Reflector:
     """The reflector of a CAD file, as `load_reflector` describes it.
 
-    Raises: TraceError where no face is the chosen one; FileError, SurfaceError where a face cannot be had.
+    Raises
+    ------
+    TraceError
+        Where no face is the chosen one.
+    FileError, SurfaceError
+        Where a face cannot be had.
     """
     if face is not None:
         return _reflector(file, chosen(file, face), (), False, index, normals, progress)
@@ -47,7 +52,10 @@ def reflector_from_cad(file: CadFile, face: str | int | Colour | None, index: fl
 def chosen(file: CadFile, face: str | int | Colour) -> list[CadFace]:
     """The faces of a name, a number or a colour. A name is a face's own, or else its part's, or else its layer's.
 
-    Raises: TraceError where there are none, with what there is.
+    Raises
+    ------
+    TraceError
+        Where there are none, with what there is.
     """
     if isinstance(face, bool) or not isinstance(face, str | int | np.integer | tuple | list):
         raise TraceError(f"face = {face!r}: a name (of a face, a part or a layer), a number from 1 on, or a colour (red, "

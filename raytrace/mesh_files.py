@@ -52,8 +52,14 @@ def read_mesh(path: Path) -> SurfaceMesh:
     trimesh wrote, whose numbers are in the unit of their extras; 3MF names its unit.
     Equal places become one vertex, so that normals can be interpolated across; polygons are cut into triangles that cover
     what they cover. STL files are read by `mirror_cad.occt.tessellate.read_stl`.
-    Raises: FileError for a file that is missing or broken, holds no triangles or more than MAX_TRIANGLES, or has vertices
-    that are not finite, faces that name no vertex or faces whose outline crosses itself; TraceError for another kind of file.
+
+    Raises
+    ------
+    FileError
+        For a file that is missing or broken, holds no triangles or more than MAX_TRIANGLES, or has vertices that are not
+        finite, faces that name no vertex or faces whose outline crosses itself.
+    TraceError
+        For another kind of file.
     """
     kind = path.suffix.lower()
     if kind not in MESH_KINDS:
@@ -79,7 +85,11 @@ def read_parts(path: Path, most_triangles: int, load_picture: Callable[[bytes, s
 
     Where there is no material: light gray, matt, or the colours of vertices and faces (sRGB).
     load_picture : bytes and the picture's name → the picture.
-    Raises: FileError as `read_mesh`, and for material files and pictures that are missing.
+
+    Raises
+    ------
+    FileError
+        As `read_mesh`, and for material files and pictures that are missing.
     """
     from raytrace.scene.materials import Material
     from raytrace.scene.parts import Part

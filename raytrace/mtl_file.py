@@ -65,7 +65,11 @@ def materials_of(path: Path, libraries: tuple[str, ...], load_picture: LoadPictu
 
     Kd is taken as linear, the shininess Ns as a roughness, d (or 1 − Tr) as the share that a surface covers, map_d as a
     cutout.
-    Raises: FileError for libraries and pictures that are missing or broken, and for numbers that are none.
+
+    Raises
+    ------
+    FileError
+        For libraries and pictures that are missing or broken, and for numbers that are none.
     """
     entries: dict[str, _Entry] = {}
     for name in libraries:
@@ -184,7 +188,11 @@ def beside(path: Path, name: str, what: str) -> bytes:
 
     With back slashes as Windows writes them, in another case, or, where it is named by a place on another machine, by its
     last name.
-    Raises: FileError for one that cannot be read.
+
+    Raises
+    ------
+    FileError
+        For one that cannot be read.
     """
     plain = name.replace("\\", "/")
     try:

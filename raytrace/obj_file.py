@@ -23,7 +23,11 @@ Integers = NDArray[np.int64]
 def read_obj(path: Path) -> PolygonMesh:
     """The polygons of an OBJ file; lines, points and free-form surfaces are no part of it.
 
-    Raises: FileError for numbers that are none and for faces that name no vertex, with the line; OSError.
+    Raises
+    ------
+    FileError
+        For numbers that are none and for faces that name no vertex, with the line.
+    OSError
     """
     lines = logical_lines(path.read_bytes())
     places, textures, faces = _Rows(), _Rows(), _Rows()

@@ -24,7 +24,11 @@ HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z0-9])")
 def read_off(path: Path) -> PolygonMesh:
     """The polygons of an OFF file in text.
 
-    Raises: FileError for a file that is none, or that holds less than its header names; OSError.
+    Raises
+    ------
+    FileError
+        For a file that is none, or that holds less than its header names.
+    OSError
     """
     data = path.read_bytes().removeprefix(b"\xef\xbb\xbf").replace(b"\r", b"\n")
     lines = [line for line in (line.partition(b"#")[0].strip() for line in data.split(b"\n")) if line]

@@ -44,7 +44,10 @@ def read_picture(stream: IO[bytes], as_stored: bool = False) -> Decoded:
     As every viewer shows it: turned as its EXIF or XMP says, and an embedded ICC profile converted to sRGB (relative
     colorimetric, black point kept); without a profile sRGB is assumed. as_stored : neither, as glTF asks of its textures.
     Gray of 16 bits keeps its upper 8.
-    Raises: PictureError.
+
+    Raises
+    ------
+    PictureError
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -82,7 +85,10 @@ def read_picture(stream: IO[bytes], as_stored: bool = False) -> Decoded:
 def decoded(data: bytes, name: str, as_stored: bool = False) -> Decoded:
     """A picture from a file's bytes, as `read_picture`.
 
-    Raises: FileError with `name`.
+    Raises
+    ------
+    FileError
+        With `name`.
     """
     try:
         return read_picture(io.BytesIO(data), as_stored)

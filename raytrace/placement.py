@@ -38,7 +38,10 @@ class Placement:
     def of(origin_mm: ArrayLike, normal: ArrayLike, up: ArrayLike, source: Source = "stated") -> Placement:
         """The placement with a normal and an up of any length; of `up` what lies across the normal counts.
 
-        Raises: TraceError for vectors that are not finite or zero, or where `up` runs along the normal.
+        Raises
+        ------
+        TraceError
+            For vectors that are not finite or zero, or where `up` runs along the normal.
         """
         origin, n, upright = (np.asarray(each, dtype=np.float64) for each in (origin_mm, normal, up))
         for name, vector in (("origin", origin), ("normal", n), ("up", upright)):

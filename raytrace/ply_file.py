@@ -58,7 +58,11 @@ _Columns = dict[str, Array | _List]
 def read_ply(path: Path) -> PolygonMesh:
     """The polygons of a PLY file, text or binary.
 
-    Raises: FileError for a file that is none, or that holds less than its header names; OSError.
+    Raises
+    ------
+    FileError
+        For a file that is none, or that holds less than its header names.
+    OSError
     """
     data = path.read_bytes()
     order, elements, picture, body = _header(path, data)

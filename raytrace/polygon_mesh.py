@@ -35,10 +35,17 @@ class CornerValues(NamedTuple):
 class PolygonMesh:
     """Polygons with what their corners are given.
 
-    vertices (n, 3).   corners (k,) : the vertices of all polygons, one polygon after the other.   starts (p + 1,) : where each
-    begins in `corners`.   look (p,) : which of the file's materials each has, −1 for none.   uv : of width 2, v = 0 at the
-    picture's bottom.   colours : of width 3, sRGB 0 … 255.   looks : the materials' names.
-    libraries : the names of the files that hold them.   picture : one for the whole mesh.
+    Attributes
+    ----------
+    vertices : (n, 3).
+    corners : (k,), the vertices of all polygons, one polygon after the other.
+    starts : (p + 1,), where each begins in `corners`.
+    look : (p,), which of the file's materials each has, −1 for none.
+    uv : of width 2, v = 0 at the picture's bottom.
+    colours : of width 3, sRGB 0 … 255.
+    looks : the materials' names.
+    libraries : the names of the files that hold them.
+    picture : one for the whole mesh.
     """
 
     vertices: Array
@@ -69,8 +76,10 @@ class Cut(NamedTuple):
 def cut(path: Path, mesh: PolygonMesh, most_triangles: int) -> Cut:
     """The mesh's polygons as triangles.
 
-    Raises: FileError for a mesh without triangles or with more than `most_triangles`, for corners that name no vertex or
-    are not finite.
+    Raises
+    ------
+    FileError
+        For a mesh without triangles or with more than `most_triangles`, for corners that name no vertex or are not finite.
     """
     count = int(np.maximum(np.diff(mesh.starts) - 2, 0).sum())
     if count == 0:

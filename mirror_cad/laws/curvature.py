@@ -54,7 +54,14 @@ class Break:
 class CurvatureLaw:
     """κ(x) in 1/mm, convex positive, on the whole line.
 
-    function : x (n,) -> κ (n,).   breaks : where κ is less than smooth, in rising x.
+    Attributes
+    ----------
+    function : callable
+        x (n,), mm -> κ (n,), 1/mm.
+    breaks : tuple of Break
+        Where κ is less than smooth, in rising x.
+    description : str
+        In messages.
     """
 
     function: Function

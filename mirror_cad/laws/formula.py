@@ -41,7 +41,12 @@ _KNOWN = "+ − * / **, " + ", ".join(_FUNCTIONS) + ", numbers, " + _NAMES
 def parse_formula(text: str) -> Formula:
     """Turn a formula in t (1) and x (mm) into f(t, x) on float64 arrays of one shape.
 
-    Raises: SpecError naming the first part that is not arithmetic. Values are not checked here: 1/0 gives inf.
+    Values are not checked here: 1/0 gives inf.
+
+    Raises
+    ------
+    SpecError
+        Naming the first part that is not arithmetic.
     """
     if len(text) > LONGEST:
         raise SpecError(f"the formula has {len(text)} characters, at most {LONGEST} are read: use a table law instead")

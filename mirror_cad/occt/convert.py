@@ -84,7 +84,11 @@ def face_as_bspline(face: TopoDS_Face) -> tuple[BSplineSurface, TopoDS_Face]:
 
     Planes, cylinders, spheres and the like become rational B-splines that are the same surface. Where the face
     `is_reversed`, S_u × S_v points into the material.
-    Raises: SurfaceError where the kernel cannot convert the surface.
+
+    Raises
+    ------
+    SurfaceError
+        Where the kernel cannot convert the surface.
     """
     geom, converted = as_geom_bspline(face)
     return from_geom_surface(geom), converted

@@ -24,7 +24,11 @@ def fit_by_kernel(task: FitTask, route: str) -> Fit:
 
     route : "occt-interpolate" (cubic, C²) or "occt-approximate" (degree up to 8, C², to the position tolerance).
     The error is measured off the nodes like any other fit's, since the kernel's IsDone() sees neither NaN nor dents.
-    Raises: SurfaceError for a point set that is not finite, or a kernel that gives up or strays.
+
+    Raises
+    ------
+    SurfaceError
+        For a point set that is not finite, or a kernel that gives up or strays.
     """
     start = time.perf_counter()
     x_min, x_max, y_min, y_max = task.domain

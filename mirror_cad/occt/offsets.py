@@ -83,7 +83,10 @@ def offset_as_quadric(face: TopoDS_Face) -> Quadric | None:
 def fitted_bspline(face: TopoDS_Face) -> BSplineArrays:
     """Degrees, knots and poles of a B-spline in the face's own parameters, over all that its edges reach.
 
-    Raises: SurfaceError where MAX_SPANS do not bring it within FIT_TOLERANCE_MM.
+    Raises
+    ------
+    SurfaceError
+        Where MAX_SPANS do not bring it within FIT_TOLERANCE_MM.
     """
     ends_u, ends_v, value, scale = _sampler(face)
     parts, best = 1, np.inf
@@ -106,7 +109,11 @@ def refuse_stray_edges(face: TopoDS_Face) -> None:
     """Refuse a face whose edges, as curves in its surface's parameters, are not its edges in space.
 
     The kernel works them out by itself where a file has none, and on offset surfaces that turn fully about it fails.
-    Raises: SurfaceError with how far they are apart.
+
+    Raises
+    ------
+    SurfaceError
+        With how far they are apart.
     """
     surface, worst = BRepAdaptor_Surface(face, False), 0.0
     edges = TopExp_Explorer(face, TopAbs_EDGE)

@@ -45,7 +45,11 @@ def plate_mesh(front: BSplineSurface, back: BSplineSurface, outline: Outline, de
 
     front, back : surfaces on the same parameters; front looks along S_u × S_v. Both get the same nodes in (u, v), and a
     side runs straight from a node of the rim in front to its like behind. Facets: front, back, sides.
-    Raises: WriteError where the deflection asks for more than MAX_FACETS, or does not come to hold.
+
+    Raises
+    ------
+    WriteError
+        Where the deflection asks for more than MAX_FACETS, or does not come to hold.
     """
     faces = (front, back)
     metric = _Metric.of(faces, outline, deflection_mm)

@@ -90,7 +90,10 @@ _last: tuple[tuple[str, int, int], list[Found], list[str]] | None = None
 def listed(path: str, with_areas: bool) -> tuple[list[Listed], list[str]]:
     """What is known of each face of a file, in the file's order; and the names of the faces that the kernel left out.
 
-    Raises: FileError for a file that the kernel cannot read or that holds no face.
+    Raises
+    ------
+    FileError
+        For a file that the kernel cannot read or that holds no face.
     """
     faces = _faces(path)
     told: list[Listed] = []
@@ -108,7 +111,11 @@ def shapes(path: str, wanted: list[int], splines: bool) -> list[object]:
 
     Each is (sort, its data, loops, sign): "quadric" with kind, centre, axes and radius; "bspline" with what `bspline_arrays`
     gives; "mesh" with vertices and triangles, no loops and sign 1. splines : whether quadrics are wanted as B-splines.
-    Raises: FileError where a face cannot be had so.
+
+    Raises
+    ------
+    FileError
+        Where a face cannot be had so.
     """
     faces = _faces(path)
     made: list[object] = []

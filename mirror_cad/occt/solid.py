@@ -71,7 +71,11 @@ def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflec
     reflecting : which face of the plate the optical one is. The other is S − t·N behind a reflecting front and S + t·N
     before a reflecting back, on the same parameters, so the same trimming curves serve for both; both and the sides are
     plain B-splines.   other : what `offset_surface` gave for these, where it is there already.
-    Raises: SolidError as `offset_surface`, or where the kernel finds no single valid solid.
+
+    Raises
+    ------
+    SolidError
+        As `offset_surface`, or where the kernel finds no single valid solid.
     """
     offset, offset_error = other or offset_surface(surface, outline, thickness_mm, reflecting)
     front_surface, back_surface = (surface, offset) if reflecting == "front" else (offset, surface)
@@ -118,7 +122,10 @@ def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tu
 def trimmed_sheet(surface: BSplineSurface, outline: Outline) -> tuple[TopoDS_Shell, TopoDS_Face]:
     """The surface inside an outline in (u, v), as an open shell and the face in it.
 
-    Raises: SolidError where the kernel cannot cut it.
+    Raises
+    ------
+    SolidError
+        Where the kernel cannot cut it.
     """
     face = _face(to_geom_surface(surface), _pcurves(outline))
     shell, builder = TopoDS_Shell(), BRep_Builder()

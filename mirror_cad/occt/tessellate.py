@@ -60,8 +60,12 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
 def write_mesh(path: Path, mesh: SurfaceMesh, hand: Hand | None = None) -> None:
     """Write triangles as binary STL: float32 corners, facets in the mesh's order; the header says which hand a mirror is.
 
-    Facets that float32 leaves without three different corners are left out. Raises: WriteError where the file cannot be
-    written, or reads back different.
+    Facets that float32 leaves without three different corners are left out.
+
+    Raises
+    ------
+    WriteError
+        Where the file cannot be written, or reads back different.
     """
     corners = mesh.vertices.astype(np.float32)[mesh.faces]
     corners = corners[(corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)]

@@ -63,8 +63,18 @@ class FromView:
 
     Where that stops, no surface shows it better.
 
-    levels : of which the surface is the last, or the one before it where that gained nothing.
-    eyes_rms_arcmin : of each eye alone.   settled : the last step changed nothing, and more spans would gain nothing.
+    Attributes
+    ----------
+    surface : BSplineSurface
+        u = x, v = y.
+    degree : int
+        In both directions.
+    levels : tuple of ViewLevel
+        One set of spans after the other: the surface is the last, or the one before it where that gained nothing.
+    eyes_rms_arcmin : tuple of float
+        Of each eye alone, arc minutes.
+    settled : bool
+        Whether the last step changed nothing, and more spans would gain nothing.
     """
 
     surface: BSplineSurface

@@ -79,7 +79,10 @@ class Body:
     def painted(self, colour: Colour) -> Body:
         """The body with another diffuse colour (linear sRGB) of the materials named PAINT.
 
-        Raises: SceneError for a body without one.
+        Raises
+        ------
+        SceneError
+            For a body without one.
         """
         if not any(material.name == PAINT for material in self.materials):
             names = ", ".join(sorted({repr(material.name) for material in self.materials}))
@@ -95,8 +98,14 @@ def read_body(path: str | Path, unit: str | None = None, up: Up = "z") -> Body:
     or, with `up` = "y", as glTF. How much sky vertices see is the file's attribute _SKY, or computed here for up to
     MAX_SHADED vertices; the contact shadow likewise, from `extras.ground` of a mesh: x0, dx, nx, y0, dy, ny in metres
     rearward from the origin and to the right, sky: nx·ny shares, x the slow index.
-    Raises: FileError for a file that is missing, broken, without triangles or with more than MAX_TRIANGLES, with corners that
-    are not finite, or whose size says that its unit is another one; SceneError for another kind of file or unit.
+
+    Raises
+    ------
+    FileError
+        For a file that is missing, broken, without triangles or with more than MAX_TRIANGLES, with corners that are not
+        finite, or whose size says that its unit is another one.
+    SceneError
+        For another kind of file or unit.
     """
     path = Path(path)
     kind = path.suffix.lower()

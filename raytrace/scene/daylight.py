@@ -53,9 +53,17 @@ class Daylight:
               ground: ArrayLike = GROUND) -> Daylight:
         """A clear day.
 
-        azimuth_deg : 0 ahead of the vehicle, positive to the right.   ev : exposure, in stops above the gray card's.
-        ground (3,) : reflectance, linear sRGB.
-        Raises: SceneError for a sun or turbidity that the sky model does not hold for.
+        Parameters
+        ----------
+        azimuth_deg, elevation_deg : of the sun; azimuth 0 ahead of the vehicle, positive to the right.
+        turbidity : of the air.
+        ev : exposure, in stops above the gray card's.
+        ground : (3,), reflectance, linear sRGB.
+
+        Raises
+        ------
+        SceneError
+            For a sun or turbidity that the sky model does not hold for.
         """
         sun = sky.sun_direction(azimuth_deg, elevation_deg)
         return Daylight.under(lambda directions: sky.sky_radiance(directions, sun, turbidity), sun,

@@ -48,7 +48,10 @@ class ReferencePlane:
                  centre_mm: tuple[float, float]) -> ReferencePlane:
         """The plane with `picture`, which `load_picture(image)` gave; the built-in one goes on beyond its edges, at its scale.
 
-        Raises: SceneError as `load_picture`.
+        Raises
+        ------
+        SceneError
+            As `load_picture`.
         """
         return ReferencePlane(picture, z_mm, width_mm, centre_mm,
                               _continued(z_mm, width_mm, centre_mm) if str(image) == BUILT_IN else None)
@@ -166,7 +169,11 @@ def load_picture(image: str | Path) -> Picture:
     """Decode the built-in picture ("road") or a picture file to (h, w, 3) uint8, as `raytrace.pictures.read_picture`.
 
     Where the picture is transparent there is none: what lies beside it, BESIDE, is seen through it.
-    Raises: SceneError for a file that is missing, no picture, damaged, or larger than MAX_PIXELS (before decoding).
+
+    Raises
+    ------
+    SceneError
+        For a file that is missing, no picture, damaged, or larger than MAX_PIXELS (before decoding).
     """
     path: Any = _asset("road.jpg") if image == BUILT_IN else Path(image)
     try:

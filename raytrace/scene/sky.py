@@ -72,7 +72,10 @@ AIR_SCALE_MM, HAZE_SCALE_MM = 1e6 / 0.1136, 1e6 / 0.8333
 def sun_direction(azimuth_deg: float, elevation_deg: float) -> Array:
     """Unit direction towards the sun: azimuth 0 ahead of the vehicle (−X), positive to the right (+Y).
 
-    Raises: SceneError for angles that are no numbers and for elevations outside MIN_ELEVATION_DEG … 90.
+    Raises
+    ------
+    SceneError
+        For angles that are no numbers and for elevations outside MIN_ELEVATION_DEG … 90.
     """
     if not np.isfinite(azimuth_deg):
         raise SceneError(f"the sun's azimuth {azimuth_deg} must be a number of degrees, 0 ahead and 90 to the right")
@@ -106,7 +109,11 @@ def sky_radiance(directions: Array, sun: Array, turbidity: float) -> Array:
 
     x and y as published, but y not below a black body's; Y with the published distribution, and the level that gives
     `sky_illuminance` on level ground.
-    Raises: SceneError for a turbidity outside TURBIDITIES.
+
+    Raises
+    ------
+    SceneError
+        For a turbidity outside TURBIDITIES.
     """
     if not TURBIDITIES[0] <= turbidity <= TURBIDITIES[1]:
         raise SceneError(f"turbidity {turbidity} must lie from {TURBIDITIES[0]:g} (very clear) to {TURBIDITIES[1]:g} (hazy)")

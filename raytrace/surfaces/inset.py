@@ -16,7 +16,13 @@ ON_TIME = 1e-6  # mm: a point that was moved by the margin is that far from the 
 
 
 def moved_inwards(loop: Array, margin_mm: float) -> Array:
-    """The outline (n, 2) without a margin along it, (m, 2), mm. Raises: TraceError where nothing is left."""
+    """The outline (n, 2) without a margin along it, (m, 2), mm.
+
+    Raises
+    ------
+    TraceError
+        Where nothing is left.
+    """
     dense = resampled(loop, SPACING_MM)
     inner = _moved_inwards(dense, margin_mm)
     if len(inner) < 3:

@@ -93,7 +93,8 @@ def ray_differentials(view: View, on_plane: Array) -> RayDifferentials:
 
     Parameters
     ----------
-    view : the mirror as the eye sees it.   on_plane : (n, 2), mm, of the picture plane.
+    view : the mirror as the eye sees it.
+    on_plane : (n, 2), mm, of the picture plane.
 
     Returns
     -------
