@@ -32,6 +32,8 @@ Quantity = Literal["k1", "k2", "kx", "ky", "twist"]
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 ARCSEC = np.degrees(1.0) * 3600.0
+TURN_OF_RAY = 2.0  # a mirror that turns by an angle turns the ray that it reflects by twice that
+ARCSEC_PER_ARCMIN = ARCMIN_PER_DEGREE = 60.0
 SAME_SIZE = 1e-6  # relative: values that rounding alone tells apart, as a mirror that is symmetric in y has them
 
 
@@ -342,9 +344,10 @@ def compare_stages(
     numerical = all(_within(one, position_tolerance_mm, curvature_tolerance_percent) for one in stages.numerical())
     # A limit in percent says nothing of a plane.
     part = None if limit_percent is None or rms == 0.0 else _within(total, np.inf, limit_percent)
-    return Deviation(grid, stages, total, _explained(states, rms, grid), _rays(stages, states.step, limit_percent),
-                     numerical, part, states, None if rms == 0.0 else in_percent(differences(
-                         states.step.shape, designed.shape), designed.shape, rms), of_laws)
+    percent = None if rms == 0.0 else in_percent(differences(states.step.shape, designed.shape), designed.shape, rms)
+    return Deviation(grid=grid, stages=stages, total=total, explained=_explained(states, rms, grid),
+                     rays=_rays(stages, states.step, limit_percent), numerical=numerical, part=part, states=states,
+                     percent=percent, of_laws=of_laws)
 
 
 def against_design(curvature: DesignedCurvature, outline: Outline, reference: Sag,
@@ -402,7 +405,8 @@ def _explained(states: SurfaceStates, rms: float, grid: Grid) -> ExplainedDeviat
     left = max(float(np.abs(all_of_it - sum(parts)).max()) for all_of_it, *parts in zip(total, *steps, strict=True))
     model, numerical, whole = (None if rms == 0.0 else 100.0 * rms_norm(shape, grid.weights) / rms
                                for shape in (steps[0], shapes[-1].minus(shapes[1]), total))
-    return ExplainedDeviation(model, numerical, whole, unexplained_max_per_m=1e3 * left)
+    return ExplainedDeviation(model_shape_rms_percent=model, numerical_shape_rms_percent=numerical,
+                              total_shape_rms_percent=whole, unexplained_max_per_m=1e3 * left)
 
 
 def _rays(stages: StageDeviations, final: SurfaceState, limit_percent: float | None) -> RayDeviation:
@@ -410,10 +414,10 @@ def _rays(stages: StageDeviations, final: SurfaceState, limit_percent: float | N
     steepest = float(np.arccos(np.clip(final.normal[:, 2], -1.0, 1.0)).max())
     share = 0.01 * (1.0 if limit_percent is None else limit_percent)
     return RayDeviation(
-        kernel=(stages.integration.slope_max_arcsec + stages.fit.slope_max_arcsec) / 30.0,
-        file=stages.step.slope_max_arcsec / 30.0,
-        mesh=None if degrees is None else 120.0 * degrees,
-        glass=float(np.degrees(2.0 * share * steepest)) * 60.0,
+        kernel=TURN_OF_RAY * (stages.integration.slope_max_arcsec + stages.fit.slope_max_arcsec) / ARCSEC_PER_ARCMIN,
+        file=TURN_OF_RAY * stages.step.slope_max_arcsec / ARCSEC_PER_ARCMIN,
+        mesh=None if degrees is None else TURN_OF_RAY * ARCMIN_PER_DEGREE * degrees,
+        glass=float(np.degrees(TURN_OF_RAY * share * steepest)) * ARCMIN_PER_DEGREE,
         glass_percent=100.0 * share,
         eye=1.0)
 
@@ -442,26 +446,29 @@ def _deviation(after: SurfaceState, before: SurfaceState, designed: ShapeOperato
     chord = lengths(after.normal - before.normal)
     steepest = index_of_largest(chord, grid)
     return StageDeviation(
-        k1, k2, kx, ky, twist, _shape(after.shape.minus(before.shape), rms, grid),
-        float(sag[highest]), _point(grid, highest),
-        float(2.0 * np.arcsin(0.5 * chord[steepest]) * ARCSEC), _point(grid, steepest))
+        k1=k1, k2=k2, kx=kx, ky=ky, twist=twist, shape=_shape(after.shape.minus(before.shape), rms, grid),
+        sag_max_mm=float(sag[highest]), sag_max_at_mm=_point(grid, highest),
+        slope_max_arcsec=float(2.0 * np.arcsin(0.5 * chord[steepest]) * ARCSEC), slope_max_at_mm=_point(grid, steepest))
 
 
 def _quantity(per_mm: Array, percent: Array | None, grid: Grid) -> QuantityDeviation:
     max_per_m = 1e3 * float(per_mm[index_of_largest(np.abs(per_mm), grid)])
     if percent is None:
-        return QuantityDeviation(None, None, max_per_m, _point(grid, index_of_largest(np.abs(per_mm), grid)))
+        return QuantityDeviation(max_percent=None, rms_percent=None, max_per_m=max_per_m,
+                                 max_at_mm=_point(grid, index_of_largest(np.abs(per_mm), grid)))
     worst = index_of_largest(np.abs(percent), grid)
-    return QuantityDeviation(float(percent[worst]), float(np.sqrt(np.average(percent**2, weights=grid.weights))),
-                             max_per_m, _point(grid, worst))
+    return QuantityDeviation(max_percent=float(percent[worst]),
+                             rms_percent=float(np.sqrt(np.average(percent**2, weights=grid.weights))),
+                             max_per_m=max_per_m, max_at_mm=_point(grid, worst))
 
 
 def _shape(difference: ShapeOperator, rms: float, grid: Grid) -> ShapeDeviation:
     size = np.sqrt(difference.w11**2 + difference.w22**2 + 2.0 * difference.w12**2)
     worst, average = index_of_largest(size, grid), rms_norm(difference, grid.weights)
     flat = rms == 0.0
-    return ShapeDeviation(None if flat else 100.0 * float(size[worst]) / rms, None if flat else 100.0 * average / rms,
-                          1e3 * float(size[worst]), 1e3 * average, _point(grid, worst))
+    return ShapeDeviation(max_percent=None if flat else 100.0 * float(size[worst]) / rms,
+                          rms_percent=None if flat else 100.0 * average / rms,
+                          max_per_m=1e3 * float(size[worst]), rms_per_m=1e3 * average, max_at_mm=_point(grid, worst))
 
 
 def _point(grid: Grid, index: int) -> Point:
