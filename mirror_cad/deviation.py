@@ -4,66 +4,23 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mirror_cad.designed import FLOOR, DesignedCurvature, reference_curvature
+from mirror_cad.curvature_fields import CurvatureFields, differences, in_percent
+from mirror_cad.designed import DesignedCurvature
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mesh_deviation import MeshDeviation, stl_deviation
 from mirror_cad.outline import Outline
-from mirror_cad.sections import Sag, SagDerivatives
+from mirror_cad.sections import Sag
+from mirror_cad.stage_deviation import StageDeviation, SurfaceState, deviation_of, state_of_sag, state_of_surface
 from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_cad.surfaces.differential import (
-    ShapeOperator,
-    normals,
-    principal_curvatures_of,
-    rms_norm,
-    shape_operator,
-    shape_operator_of_sag,
-)
-from mirror_cad.vectors import lengths
+from mirror_cad.surfaces.differential import ShapeOperator, rms_norm
 
-Array = NDArray[np.float64]
-Point = tuple[float, float]
-Quantity = Literal["k1", "k2", "kx", "ky", "twist"]
-
-QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-ARCSEC = np.degrees(1.0) * 3600.0
 TURN_OF_RAY = 2.0  # a mirror that turns by an angle turns the ray that it reflects by twice that
 ARCSEC_PER_ARCMIN = ARCMIN_PER_DEGREE = 60.0
-SAME_SIZE = 1e-6  # relative: values that rounding alone tells apart, as a mirror that is symmetric in y has them
-
-
-class CurvatureFields(NamedTuple):
-    """Differences of curvature at points: k1, k2, kx, ky and twist, arrays of one shape, in 1/mm or percent."""
-
-    k1: Array
-    k2: Array
-    kx: Array
-    ky: Array
-    twist: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SurfaceState:
-    """A surface as one stage leaves it, at the n points of the grid.
-
-    Attributes
-    ----------
-    shape
-        Shape operator, components (n,), 1/mm.
-    height
-        (n,), mm.
-    normal
-        Unit normals, (n, 3).
-    """
-
-    shape: ShapeOperator
-    height: Array
-    normal: Array
 
 
 class SurfaceStates(NamedTuple):
@@ -74,97 +31,6 @@ class SurfaceStates(NamedTuple):
     integration: SurfaceState
     fit: SurfaceState
     step: SurfaceState
-
-
-@dataclass(frozen=True, slots=True)
-class QuantityDeviation:
-    """Deviation of one curvature over the mirror.
-
-    Attributes
-    ----------
-    max_percent
-        The signed value of largest size, in percent of the local designed value; None for a plane.
-    rms_percent
-        Root of the mean square by area, percent; None for a plane.
-    max_per_m
-        The signed value of largest size, 1/m.
-    max_at_mm
-        (x, y) of the largest in percent, for a plane of the largest in 1/m; mm.
-    """
-
-    max_percent: float | None
-    rms_percent: float | None
-    max_per_m: float
-    max_at_mm: Point
-
-
-@dataclass(frozen=True, slots=True)
-class ShapeDeviation:
-    """Deviation ‖W − W₀‖ (Frobenius) of the whole shape operator over the mirror.
-
-    Attributes
-    ----------
-    max_percent, rms_percent
-        In percent of RMS ‖diag(1/Rx, 1/Ry)‖; None for a plane.
-    max_per_m, rms_per_m
-        1/m.
-    max_at_mm
-        (x, y) of the largest, mm.
-    """
-
-    max_percent: float | None
-    rms_percent: float | None
-    max_per_m: float
-    rms_per_m: float
-    max_at_mm: Point
-
-
-@dataclass(frozen=True, slots=True)
-class StageDeviation:
-    """What one stage adds to a surface, or all of them together.
-
-    Attributes
-    ----------
-    k1, k2
-        Principal curvatures, larger first.
-    kx, ky, twist
-        The components W11, W22, W12 of the shape operator.
-    shape
-        The shape operator as a whole.
-    sag_max_mm
-        The signed height difference of largest size, mm.
-    slope_max_arcsec
-        The largest angle between the normals, arc seconds.
-    sag_max_at_mm, slope_max_at_mm
-        (x, y) of these, mm.
-    """
-
-    k1: QuantityDeviation
-    k2: QuantityDeviation
-    kx: QuantityDeviation
-    ky: QuantityDeviation
-    twist: QuantityDeviation
-    shape: ShapeDeviation
-    sag_max_mm: float
-    sag_max_at_mm: Point
-    slope_max_arcsec: float
-    slope_max_at_mm: Point
-
-    def of(self, quantity: Quantity) -> QuantityDeviation:
-        """The deviation of the quantity so named."""
-        found: QuantityDeviation = getattr(self, quantity)
-        return found
-
-    @property
-    def largest_principal_percent(self) -> float | None:
-        """The larger deviation of k1 and k2 in size, percent; None for a plane."""
-        found = [abs(one.max_percent) for one in (self.k1, self.k2) if one.max_percent is not None]
-        return max(found) if found else None
-
-    @property
-    def largest_principal_per_m(self) -> float:
-        """The larger deviation of k1 and k2 in size, 1/m."""
-        return max(abs(self.k1.max_per_m), abs(self.k2.max_per_m))
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,15 +197,15 @@ def compare_stages(
         Whether a law asked for the curvature.
     """
     grid = Grid.over(outline)
-    against = _of_sag(reference, grid)
+    against = state_of_sag(reference, grid)
     designed = SurfaceState(curvature.shape(grid.x), against.height, against.normal)
-    states = SurfaceStates(designed, against if model is reference else _of_sag(model, grid), _of_sag(integrated, grid),
-                           _of_surface(fitted, grid), _of_surface(read_back, grid))
+    states = SurfaceStates(designed, against if model is reference else state_of_sag(model, grid),
+                           state_of_sag(integrated, grid), state_of_surface(fitted, grid), state_of_surface(read_back, grid))
     rms = rms_norm(designed.shape, grid.weights)
-    of_model, of_integration, of_fit, of_step = (_deviation(after, before, designed.shape, rms, grid)
+    of_model, of_integration, of_fit, of_step = (deviation_of(after, before, designed.shape, rms, grid)
                                                  for before, after in itertools.pairwise(states))
     stages = StageDeviations(of_model, of_integration, of_fit, of_step, stl_deviation(stl, fitted, outline))
-    total = _deviation(states.step, designed, designed.shape, rms, grid)
+    total = deviation_of(states.step, designed, designed.shape, rms, grid)
 
     numerical = all(_within(one, position_tolerance_mm, curvature_tolerance_percent) for one in stages.numerical())
     # A limit in percent says nothing of a plane.
@@ -354,47 +220,9 @@ def against_design(curvature: DesignedCurvature, outline: Outline, reference: Sa
                    surface: BSplineSurface) -> StageDeviation:
     """The deviation from the design of any surface with u = x, v = y; see `compare_stages` for the parameters."""
     grid = Grid.over(outline)
-    before = _of_sag(reference, grid)
+    before = state_of_sag(reference, grid)
     designed = SurfaceState(curvature.shape(grid.x), before.height, before.normal)
-    return _deviation(_of_surface(surface, grid), designed, designed.shape, rms_norm(designed.shape, grid.weights), grid)
-
-
-def differences(after: ShapeOperator, before: ShapeOperator) -> CurvatureFields:
-    """k1, k2, kx, ky and twist, after − before, 1/mm."""
-    a, b = principal_curvatures_of(after), principal_curvatures_of(before)
-    return CurvatureFields(a[0] - b[0], a[1] - b[1], after.w11 - before.w11, after.w22 - before.w22, after.w12 - before.w12)
-
-
-def in_percent(difference: CurvatureFields, designed: ShapeOperator, rms: float) -> CurvatureFields:
-    """Differences of curvature in percent of the local designed value, and nowhere of less than `FLOOR` of the RMS.
-
-    Parameters
-    ----------
-    difference
-        (n,) each, 1/mm.
-    designed
-        The designed shape operator at the same points, 1/mm.
-    rms
-        RMS ‖diag(1/Rx, 1/Ry)‖ over the mirror, 1/mm, above 0; twist is in percent of this.
-    """
-    pair, floor = reference_curvature(designed, rms), FLOOR * rms
-    scale = (pair[..., 0], pair[..., 1], np.maximum(np.abs(designed.w11), floor), np.maximum(np.abs(designed.w22), floor),
-             np.asarray(rms))
-    return CurvatureFields(*(100.0 * value / size for value, size in zip(difference, scale, strict=True)))
-
-
-def index_of_largest(size: Array, grid: Grid) -> int:
-    """The index at which a field is largest; of points that rounding alone tells apart (a mirror is symmetric in y) the upper.
-
-    Parameters
-    ----------
-    size
-        (n,) at the points of the grid, not negative.
-    grid
-        Whose y decides between equals.
-    """
-    ties = np.flatnonzero(size >= size.max() * (1.0 - SAME_SIZE))
-    return int(ties[np.argmax(grid.y[ties])])
+    return deviation_of(state_of_surface(surface, grid), designed, designed.shape, rms_norm(designed.shape, grid.weights), grid)
 
 
 def _explained(states: SurfaceStates, rms: float, grid: Grid) -> ExplainedDeviation:
@@ -420,59 +248,6 @@ def _rays(stages: StageDeviations, final: SurfaceState, limit_percent: float | N
         glass=float(np.degrees(TURN_OF_RAY * share * steepest)) * ARCMIN_PER_DEGREE,
         glass_percent=100.0 * share,
         eye=1.0)
-
-
-def _of_sag(sag: Sag, grid: Grid) -> SurfaceState:
-    cells = sag.derivatives(grid.cells_x[:, None], grid.cells_y)
-    edge = sag.derivatives(grid.x[grid.edge], grid.y[grid.edge])
-    d = SagDerivatives(*(np.concatenate([np.broadcast_to(a, grid.inside.shape)[grid.inside], b])
-                         for a, b in zip(cells, edge, strict=True)))
-    normal = np.stack([-d.zx, -d.zy, np.ones_like(d.z)], axis=-1)
-    return SurfaceState(shape_operator_of_sag(d), d.z, normal / lengths(normal)[..., None])
-
-
-def _of_surface(surface: BSplineSurface, grid: Grid) -> SurfaceState:
-    d = grid.derivatives(surface)
-    return SurfaceState(shape_operator(d), d["s"][..., 2], normals(d["u"], d["v"]))
-
-
-def _deviation(after: SurfaceState, before: SurfaceState, designed: ShapeOperator, rms: float, grid: Grid) -> StageDeviation:
-    per_mm = differences(after.shape, before.shape)
-    percent = (None,) * len(per_mm) if rms == 0.0 else in_percent(per_mm, designed, rms)
-    k1, k2, kx, ky, twist = (_quantity(*each, grid) for each in zip(per_mm, percent, strict=True))
-    sag = after.height - before.height
-    highest = index_of_largest(np.abs(sag), grid)
-    # |n − m| = 2·sin(angle/2): arccos of n·m would lose the small angles that matter here.
-    chord = lengths(after.normal - before.normal)
-    steepest = index_of_largest(chord, grid)
-    return StageDeviation(
-        k1=k1, k2=k2, kx=kx, ky=ky, twist=twist, shape=_shape(after.shape.minus(before.shape), rms, grid),
-        sag_max_mm=float(sag[highest]), sag_max_at_mm=_point(grid, highest),
-        slope_max_arcsec=float(2.0 * np.arcsin(0.5 * chord[steepest]) * ARCSEC), slope_max_at_mm=_point(grid, steepest))
-
-
-def _quantity(per_mm: Array, percent: Array | None, grid: Grid) -> QuantityDeviation:
-    max_per_m = 1e3 * float(per_mm[index_of_largest(np.abs(per_mm), grid)])
-    if percent is None:
-        return QuantityDeviation(max_percent=None, rms_percent=None, max_per_m=max_per_m,
-                                 max_at_mm=_point(grid, index_of_largest(np.abs(per_mm), grid)))
-    worst = index_of_largest(np.abs(percent), grid)
-    return QuantityDeviation(max_percent=float(percent[worst]),
-                             rms_percent=float(np.sqrt(np.average(percent**2, weights=grid.weights))),
-                             max_per_m=max_per_m, max_at_mm=_point(grid, worst))
-
-
-def _shape(difference: ShapeOperator, rms: float, grid: Grid) -> ShapeDeviation:
-    size = np.sqrt(difference.w11**2 + difference.w22**2 + 2.0 * difference.w12**2)
-    worst, average = index_of_largest(size, grid), rms_norm(difference, grid.weights)
-    flat = rms == 0.0
-    return ShapeDeviation(max_percent=None if flat else 100.0 * float(size[worst]) / rms,
-                          rms_percent=None if flat else 100.0 * average / rms,
-                          max_per_m=1e3 * float(size[worst]), rms_per_m=1e3 * average, max_at_mm=_point(grid, worst))
-
-
-def _point(grid: Grid, index: int) -> Point:
-    return float(grid.x[index]), float(grid.y[index])
 
 
 def _within(stage: StageDeviation, position_mm: float, percent: float) -> bool:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from mirror_studio.json_types import Json, JsonObject
 
 if TYPE_CHECKING:
-    from mirror_cad.deviation import Deviation, StageDeviation
+    from mirror_cad.deviation import Deviation
     from mirror_cad.mirror import Mirror
+    from mirror_cad.stage_deviation import StageDeviation
     from mirror_cad.surfaces.faithful import Faithful
     from mirror_studio.build.results import (
         FieldOfView,

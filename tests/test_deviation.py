@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from mirror_cad.designed import DesignedCurvature
-from mirror_cad.deviation import StageDeviation, against_design
+from mirror_cad.deviation import against_design
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mesh_deviation import stl_deviation
 from mirror_cad.outline import Outline
 from mirror_cad.outline.segments import Arc
 from mirror_cad.sections import Sag
+from mirror_cad.stage_deviation import StageDeviation
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate_height
 from mirror_cad.surfaces.piecewise import PiecewiseChebyshev

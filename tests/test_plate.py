@@ -20,9 +20,9 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 import mirror_cad
-from mirror_cad.deviation import stl_deviation
 from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
+from mirror_cad.mesh_deviation import stl_deviation
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt.plate_mesh import MAX_FACETS, plate_mesh
 from mirror_cad.occt.shapes import faces_of, solids_of

@@ -15,11 +15,13 @@ import pytest
 from PIL import Image
 
 from mirror_cad import laws
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.design_stages import design
-from mirror_cad.deviation import QUANTITIES, Deviation, RayDeviation, StageDeviation
+from mirror_cad.deviation import Deviation, RayDeviation
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.spec.file import load_spec, validate_spec
+from mirror_cad.stage_deviation import StageDeviation
 from mirror_cad.surfaces.differential import rms_norm, shape_operator
 from mirror_cad.surfaces.faithful import FaithfulLevel
 from mirror_studio.as_json import requirements_as_json

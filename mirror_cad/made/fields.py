@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.curvature_fields import CurvatureFields, Quantity, differences
 from mirror_cad.designed import FLOOR, reference_curvature
-from mirror_cad.deviation import CurvatureFields, Quantity, differences
 from mirror_cad.made.gauge import at_points, disc, on_gauge
 from mirror_cad.made.nominal import Nominal
 from mirror_cad.made.reconstruction import Reconstruction

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import QUANTITIES, Quantity
+from mirror_cad.curvature_fields import QUANTITIES, Quantity
 from mirror_cad.made.fields import DeviationFields
 from mirror_cad.made.nominal import Nominal
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    from mirror_cad.deviation import Deviation, ExplainedDeviation, RayDeviation, StageDeviation
+    from mirror_cad.deviation import Deviation, ExplainedDeviation, RayDeviation
     from mirror_cad.mirror import Mirror
+    from mirror_cad.stage_deviation import StageDeviation
     from mirror_cad.surfaces.faithful import Faithful
     from mirror_studio.build.wanted import TargetFigures
     from mirror_studio.json_types import JsonObject

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
+from mirror_cad.curvature_fields import differences, in_percent
 from mirror_cad.designed import DesignedCurvature
-from mirror_cad.deviation import differences, in_percent
 from mirror_cad.errors import SurfaceError
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import ShapeOperator, normals, principal_curvatures_of, shape_operator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirror_cad.deviation import QUANTITIES
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.made.fields import Lattice
 from mirror_cad.made.figures import Figure, Figures
 from mirror_cad.made.hidden_form import HiddenForm

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import QUANTITIES
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.made.figures import ARCMIN, slope_angles
 from mirror_cad.made.hidden_form import HiddenForm
 from mirror_cad.made.inspection import Inspection

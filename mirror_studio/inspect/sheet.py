@@ -6,7 +6,7 @@ import base64
 from dataclasses import dataclass
 from pathlib import Path
 
-from mirror_cad.deviation import QUANTITIES
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.laws.words import plain
 from mirror_cad.made.figures import Figure, Figures
 from mirror_cad.made.hidden_form import HiddenForm

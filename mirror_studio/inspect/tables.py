@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import QUANTITIES
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.made.figures import ARCMIN
 from mirror_cad.made.inspection import Inspection
 from mirror_studio.inspect.driver import DriversView

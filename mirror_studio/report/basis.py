@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mirror_cad.deviation import QUANTITIES, Deviation
+from mirror_cad.curvature_fields import QUANTITIES
+from mirror_cad.deviation import Deviation
 from mirror_cad.mirror import Mirror
 from mirror_studio.build.results import Metrics
 from mirror_studio.report.report_data import ReportData

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import CurvatureFields, Deviation, differences, in_percent, index_of_largest
+from mirror_cad.curvature_fields import CurvatureFields, differences, in_percent, index_of_largest
+from mirror_cad.deviation import Deviation
 from mirror_cad.grid import Grid
 from mirror_cad.surfaces.differential import ShapeOperator
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import QUANTITIES, Deviation
+from mirror_cad.curvature_fields import QUANTITIES
+from mirror_cad.deviation import Deviation
 from mirror_studio.report.drawing import WIDTH, Panel, drawing, legend
 from mirror_studio.report.fields import DeviationFields
 from mirror_studio.report.maps import LIMIT

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_cad.deviation import QUANTITIES, Deviation
+from mirror_cad.curvature_fields import QUANTITIES
+from mirror_cad.deviation import Deviation
 from mirror_cad.grid import Grid
 from mirror_cad.laws.words import plain
 from mirror_cad.outline import Outline

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirror_cad.deviation import QUANTITIES, Deviation
+from mirror_cad.curvature_fields import QUANTITIES
+from mirror_cad.deviation import Deviation
 from mirror_cad.laws.words import plain
 from mirror_studio.build.results import FieldOfView, GlassFigures, Manifest, Metrics
 from mirror_studio.report.basis import basis_rows, rounding_rows, sampling_rows

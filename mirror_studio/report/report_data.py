@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirror_cad.deviation import Deviation, differences, in_percent
+from mirror_cad.curvature_fields import differences, in_percent
+from mirror_cad.deviation import Deviation
 from mirror_cad.mirror import Mirror
 from mirror_cad.reflection import reflected_surface
 from mirror_cad.surfaces.bspline import BSplineSurface

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mirror_cad.deviation import QUANTITIES
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.laws.words import plain
 from mirror_studio.build.results import MethodChange, MethodComparison, MethodFigures
 from mirror_studio.report.stages import Floor

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mirror_cad.deviation import QUANTITIES, Deviation, QuantityDeviation, RayDeviation, ShapeDeviation, StageDeviation
+from mirror_cad.curvature_fields import QUANTITIES
+from mirror_cad.deviation import Deviation, RayDeviation
 from mirror_cad.laws.words import plain
+from mirror_cad.stage_deviation import QuantityDeviation, ShapeDeviation, StageDeviation
 from mirror_cad.surfaces.differential import rms_norm
 from mirror_cad.surfaces.faithful import Faithful
 from mirror_studio.report.tables import Table

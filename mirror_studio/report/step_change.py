@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirror_cad.deviation import Deviation, SurfaceState
+from mirror_cad.deviation import Deviation
 from mirror_cad.mirror import Mirror
+from mirror_cad.stage_deviation import SurfaceState
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import principal_curvatures_of
 from mirror_studio.report.tables import Table

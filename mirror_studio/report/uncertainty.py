@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.designed import FLOOR, DesignedCurvature
-from mirror_cad.deviation import QUANTITIES, Deviation
+from mirror_cad.deviation import Deviation
 from mirror_cad.grid import EDGE_POINTS, GRID, Grid
 from mirror_cad.mirror import Mirror
 from mirror_cad.sections import SagDerivatives

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from mirror_cad.deviation import Deviation, QuantityDeviation
+from mirror_cad.deviation import Deviation
 from mirror_cad.mirror import Mirror
+from mirror_cad.stage_deviation import QuantityDeviation
 from mirror_studio.build.results import Metrics
 from mirror_studio.report.requirement import Point, Requirement, Side
 from mirror_studio.report.stages import numerical_stages

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from mirror_cad.deviation import QUANTITIES
+from mirror_cad.curvature_fields import QUANTITIES
 from mirror_cad.made.figures import ARCMIN, angle_between_normals
 from mirror_cad.mirror import Mirror
 from mirror_studio.json_types import Json
