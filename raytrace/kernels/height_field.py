@@ -59,8 +59,7 @@ class HeightField(NamedTuple):
     ----------
     cells : z as polynomials of u = x and v = y.
     top, bottom : above and below all of it, mm.
-    steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²); 0 for a cap (z is concave), which any ray
-        from above meets first where Newton finds it.
+    steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²): the square of its largest slope.
     bend : bound on the second derivative in any direction, 1/mm.
     """
 

@@ -23,8 +23,6 @@ Index = NDArray[np.int32]
 IDENTITY_TOLERANCE_MM = 1e-9
 MAX_BINS = 1 << 17  # of the table that finds a span: half a megabyte
 SAMPLES = 4  # a span and direction, at which a sheet is looked at for whether rays can meet it twice
-# A sheet whose smallest upward bend is above this share of its largest bend is no cap: what is below is rounding.
-BENT_UP = 1e-9
 # Sine of the angle between a sheet's mean normal and the others beyond which it is not taken to be a single sheet.
 WIDEST_CONE = 0.9
 MARGIN_MM = 1e-6  # above and below a height field, so that a ray enters its box before it meets it
@@ -202,13 +200,7 @@ def _has_crease(surface: BSplineSurface) -> bool:
 
 
 def _steepest(surface: BSplineSurface) -> float:
-    """0 for a cap, else the square of the largest slope, which the derivatives' poles bound."""
-    d = surface.on_grid(_samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v), component=2)
-    bend = max(float(np.abs(d["uu"]).max()), float(np.abs(d["vv"]).max()))
-    half = 0.5 * (d["uu"] + d["vv"])
-    upward = half + np.sqrt((0.5 * (d["uu"] - d["vv"])) ** 2 + d["uv"] ** 2)  # the larger principal second derivative
-    if float(upward.max()) <= BENT_UP * bend:
-        return 0.0
+    """The square of the largest slope, which the derivatives' poles bound."""
     z_x, _ = _derivative_poles(surface.poles[..., 2], surface.knots_u, surface.degree_u, 0)
     z_y, _ = _derivative_poles(surface.poles[..., 2], surface.knots_v, surface.degree_v, 1)
     return float(np.abs(z_x).max() ** 2 + np.abs(z_y).max() ** 2)
