@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytrace.kernels.extremes import best_samples
 from raytrace.visibility.extremes import Samples, largest
 
 Array = NDArray[np.float64]
@@ -94,3 +95,13 @@ def test_of_several_curves_the_one_with_the_top_is_named() -> None:
     assert found.value[0] == pytest.approx(2.0, rel=REACHED)
     assert found.curve[0] == 1
     assert 2.0 * np.pi * found.place[0, 0] / 4.0 == pytest.approx(np.arctan2(0.4, 0.3), abs=5e-3)
+
+
+def test_of_equal_samples_the_first_is_the_best_of_its_group_and_those_that_do_not_count_change_it() -> None:
+    which = np.array([0, 1, 0, 0, 1, 1, 2, 0])
+    values = np.array([1.0, 5.0, 3.0, 3.0, 5.0, -2.0, np.nan, 9.0])
+    counts = np.array([True, True, True, True, True, True, True, False])
+    top, height, change = best_samples(which, values, counts, 3)
+    assert top.tolist()[:2] == [2, 1]
+    assert height.tolist() == [3.0, 5.0, -np.inf]
+    assert change.tolist()[:2] == [8.0, 7.0]

@@ -12,6 +12,7 @@ import pytest
 
 from raytrace.kernels import compiled
 from raytrace.kernels.blocks import BLOCK, MAX_ROWS, work
+from raytrace.kernels.loops import extent, least_along
 from raytrace.kernels.trees import entered, inverse, tree_of
 
 KERNELS = Path(compiled.__file__).parent
@@ -84,3 +85,14 @@ def test_a_ray_enters_the_boxes_of_a_tree_where_it_enters_their_slabs(direction:
         between = ((box[:3] <= 0.0) & (box[3:] >= 0.0))[~through].all()
         wanted = near if between and near <= far and far > 0.0 else np.inf
         assert entered(boxes, k, 0.0, 0.0, 0.0, ix, iy, iz, np.inf) == pytest.approx(wanted, rel=1e-14, abs=1e-12)
+
+
+@pytest.mark.parametrize("least", [0, 3, 6])
+def test_the_least_product_is_found_wherever_it_stands(least: int) -> None:
+    rng = np.random.default_rng(4)
+    directions, direction = rng.normal(size=(7, 3)), np.array([0.6, 0.0, -0.8])
+    directions[least] = -9.0 * direction
+    assert least_along(directions, direction) == pytest.approx(-9.0, rel=1e-15)
+    centre, low, high = extent(directions[:, :2], directions)
+    assert centre == pytest.approx(directions[:, :2].mean(axis=0), rel=1e-14)
+    assert (low.tolist(), high.tolist()) == (directions[:, :2].min(axis=0).tolist(), directions[:, :2].max(axis=0).tolist())

@@ -54,3 +54,16 @@ def test_a_parabola_that_dips_below_zero_between_samples_may_cross_there_and_one
         first, second = may_cross(at, values)
         assert not first[0]
         assert not second[0]
+
+
+def test_a_parabola_may_cross_where_it_all_but_does_and_where_its_top_lies_a_little_beside_the_cell() -> None:
+    """A twentieth of what the samples span above 0, but not a fifth; an eighth of a cell beside it, but not three."""
+    at = np.array([0.0, 1.0, 2.0])[:, None]
+    top = np.array([0.5, 0.5, 1.125, 1.375, 0.875, 0.625])
+    low = np.array([0.05, 0.2, 0.0, 0.0, 0.0, 0.0]) * ((at - top) ** 2).max(axis=0)
+    low[2:] = -0.01
+    for sign in (1.0, -1.0):
+        values = sign * ((at - top) ** 2 + low)
+        first, second = may_cross(np.broadcast_to(at, values.shape), values)
+        assert first.tolist() == [True, False, True, False, True, True]
+        assert second.tolist() == [False, False, True, True, True, False]
