@@ -26,29 +26,38 @@ LIBRARIES = ("numpy", "scipy.interpolate", "scipy.optimize", "scipy.sparse.linal
 @contextlib.contextmanager
 def copy_of_project() -> Iterator[Path]:
     """Copy what git does not ignore to a new folder and go there: your own files are not touched, and you may edit on."""
-    tracked = subprocess.run(["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, check=True,
-                             text=True).stdout.split("\0")
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:
         folder = Path(name)
-        for path in filter(None, tracked):
-            if (ROOT / path).exists():
-                (folder / path).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / path, folder / path)
+        for path in project_files():
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / path, folder / path)
         for package in PACKAGES:
             for path in (ROOT / package).glob("**/__pycache__"):  # compiled kernels
                 shutil.copytree(path, folder / path.relative_to(ROOT), dirs_exist_ok=True)
-        os.chdir(folder)
-        sys.path.insert(0, str(folder))
-        os.environ["PYTHONPATH"] = str(folder)
-        os.environ["OPENBLAS_NUM_THREADS"] = "1"
-        for package in PACKAGES:
-            compileall.compile_dir(package, quiet=1)
-        for library in LIBRARIES:
-            with contextlib.suppress(ImportError):
-                importlib.import_module(library)
-        if {"mirror_cad", "raytrace"} & set(sys.modules):
-            raise SystemExit("the project was imported before its copy was made: faults in it would not be seen")
+        work_in(folder)
         yield folder
+
+
+def project_files() -> list[str]:
+    """What git does not ignore."""
+    listed = subprocess.run(["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, check=True,
+                            text=True).stdout.split("\0")
+    return [path for path in listed if path and (ROOT / path).exists()]
+
+
+def work_in(folder: Path) -> None:
+    """Go to a copy of the project, with the libraries loaded that its tests take."""
+    os.chdir(folder)
+    sys.path.insert(0, str(folder))
+    os.environ["PYTHONPATH"] = str(folder)
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    for package in PACKAGES:
+        compileall.compile_dir(package, quiet=1)
+    for library in LIBRARIES:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(library)
+    if {"mirror_cad", "raytrace"} & set(sys.modules):
+        raise SystemExit("the project was imported before its copy was made: faults in it would not be seen")
 
 
 def in_child(work: Callable[[], int], timeout_s: float, log: Path) -> tuple[int | None, float]:
