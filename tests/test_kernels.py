@@ -12,7 +12,10 @@ import pytest
 
 from raytrace.kernels import compiled
 from raytrace.kernels.blocks import BLOCK, MAX_ROWS, work
+from raytrace.kernels.image_points import nearest_rays, newton_step
 from raytrace.kernels.loops import extent, least_along
+from raytrace.kernels.plan import swept_lines
+from raytrace.kernels.sheet_rim import Rim, rim_points
 from raytrace.kernels.trees import entered, inverse, tree_of
 
 KERNELS = Path(compiled.__file__).parent
@@ -96,3 +99,43 @@ def test_the_least_product_is_found_wherever_it_stands(least: int) -> None:
     centre, low, high = extent(directions[:, :2], directions)
     assert centre == pytest.approx(directions[:, :2].mean(axis=0), rel=1e-14)
     assert (low.tolist(), high.tolist()) == (directions[:, :2].min(axis=0).tolist(), directions[:, :2].max(axis=0).tolist())
+
+
+def test_a_curve_s_last_piece_has_its_end() -> None:
+    start, end = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 9.0]]), np.array([[1.0, 0.0], [1.0, 2.0], [8.0, 8.0]])
+    rim = Rim(start[:2], end[:2], np.zeros(1, dtype=np.intp), np.array([2]))  # another curve's piece stands behind it in memory
+    found = rim_points(rim, np.zeros(3, dtype=np.intp), np.array([0.0, 0.75, 1.0]))
+    assert found.tolist() == [[0.0, 0.0], [1.0, 1.0], [1.0, 2.0]]
+
+
+def test_a_step_of_newton_s_is_no_longer_than_it_may_be_and_points_where_it_did() -> None:
+    step = np.zeros(2)
+    newton_step(2.0, 0.0, 0.0, 0.5, np.array([-6.0, -2.0]), 10.0, step)
+    assert step.tolist() == [3.0, 4.0]
+    newton_step(2e-3, 0.0, 0.0, 5e-4, np.array([-6.0, -2.0]), 10.0, step)
+    assert step == pytest.approx([6.0, 8.0], rel=1e-15)
+    newton_step(0.0, 0.0, 0.0, 0.0, np.array([-6.0, -2.0]), 10.0, step)
+    assert step == pytest.approx([6.0, 8.0], rel=1e-15)  # where the derivatives fail it stays
+
+
+@pytest.mark.parametrize("at_infinity", [True, False])
+def test_the_ray_that_goes_most_nearly_towards_a_target_is_found_wherever_it_starts(at_infinity: bool) -> None:
+    rng = np.random.default_rng(7)
+    points, directions, wanted = rng.uniform(-90.0, 90.0, (40, 3)), rng.normal(size=(40, 3)), rng.normal(size=(30, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    wanted *= (1.0 if at_infinity else 150.0) / np.linalg.norm(wanted, axis=1, keepdims=True)
+    towards = wanted[:, None] - (0.0 if at_infinity else points)
+    cosine = np.einsum("nmc,mc->nm", towards / np.linalg.norm(towards, axis=2, keepdims=True) + 0.0 * directions, directions)
+    nearest = np.empty(30, dtype=np.intp)
+    nearest_rays(wanted, at_infinity, points, directions, nearest)
+    np.testing.assert_array_equal(nearest, cosine.argmax(axis=1))
+
+
+def test_a_line_through_vertices_of_an_edge_is_crossed_as_often_as_one_beside_them() -> None:
+    """Rays from 1 mm above the plane to X = 0, 2, 4, 2, in turn: lines through these are swept over twice, or not at all."""
+    points = np.array([[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 5.0, 1.0], [-1.0, 5.0, 1.0]])
+    directions = np.array([0.0, 2.0, 4.0, 2.0])[:, None] * [1.0, 0.0, 0.0] - points * [1.0, 0.0, 1.0]
+    after = np.array([1, 2, 3, 0])
+    for values in ([2.0, 3.0], [1.0, 2.0], [1.0, 2.0, 3.0], [-1.0, 5.0], [2.0], [3.0]):
+        _, row = swept_lines(points, directions, after, 0, 0.0, np.array(values), 1.0, 0.5 * np.pi)
+        assert np.bincount(row, minlength=len(values)).tolist() == [2 if 0.0 < value < 4.0 else 0 for value in values], values

@@ -291,3 +291,43 @@ def test_missed_rays_and_facets_without_area_have_no_normal() -> None:
     assert (corners[1] == 0.0).all()
     normals = interpolated_normals(corners, np.array([0, -1, 1], dtype=np.int32), np.full(3, 0.2), np.full(3, 0.3))
     assert normals.tolist() == [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+
+
+def test_the_mean_at_a_vertex_with_few_neighbours_is_exact_on_a_sphere_however_uneven_these_are() -> None:
+    around = np.radians([0.0, 40.0, 130.0, 170.0, 290.0])
+    aside = np.radians([3.0, 9.0, 5.0, 12.0, 4.0])
+    ring = np.stack([np.sin(aside) * np.cos(around), np.sin(aside) * np.sin(around), np.cos(aside)], axis=1)
+    vertices = 950.0 * np.concatenate([[[0.0, 0.0, 1.0]], ring])
+    faces = np.array([[0, 1 + k, 1 + (k + 1) % 5] for k in range(5)], dtype=np.int32)
+    assert np.abs(corner_normals(SurfaceMesh(vertices, faces))[:, 0] - [0.0, 0.0, 1.0]).max() < 1e-13
+
+
+def test_a_facet_that_is_folded_over_another_is_another_surface() -> None:
+    """Its normal is like the other's; that it is wound against it tells that it lies on the same side of what they share."""
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, 0.9, 0.2]])
+    mesh = SurfaceMesh(vertices, np.array([[0, 1, 2], [0, 1, 3]], dtype=np.int32))
+    assert np.abs(corner_normals(mesh) - mesh.facet_normals()[:, None, :]).max() < 1e-15
+
+
+def test_a_normal_is_that_of_the_weighted_quadric_through_its_vertex() -> None:
+    """By least squares of another library, over the vertices that two sides lead to."""
+    rng = np.random.default_rng(6)
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(9.0), np.arange(8.0), indexing="ij"))
+    x, y = x + rng.uniform(-0.3, 0.3, x.size), y + rng.uniform(-0.3, 0.3, y.size)
+    vertices = np.stack([x, y, 0.02 * x**2 - 0.03 * y**2 + 0.004 * x**3 + 0.3 * np.sin(0.7 * y)], axis=1)
+    node = np.arange(72).reshape(9, 8)
+    a, b, c, d = (each.ravel() for each in (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]).astype(np.int32)
+    corners = corner_normals(SurfaceMesh(vertices, faces), 80.0)
+    beside = [set(faces[(faces == k).any(axis=1)].ravel()) for k in range(72)]
+    for i in node[2:-2, 2:-2].ravel():
+        # Max's mean: a facet's e × f over the squares of both sides, in turn from the vertex.
+        at = vertices[[np.roll(face, -list(face).index(i)) for face in faces if i in face]]
+        e, f = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
+        mean = unit((np.cross(e, f) / ((e**2).sum(axis=1) * (f**2).sum(axis=1))[:, None]).sum(axis=0))
+        off = vertices[sorted(set().union(*(beside[k] for k in beside[i])) - {i})] - vertices[i]
+        across = np.linalg.svd(mean[None])[2][1:]
+        p, q = across @ off.T
+        rows = np.stack([p, q, p**2, p * q, q**2], axis=1) / np.linalg.norm(off, axis=1)[:, None]
+        slope = np.linalg.lstsq(rows, off @ mean / np.linalg.norm(off, axis=1), rcond=None)[0][:2]
+        assert np.abs(corners[faces == i] - unit(mean - slope @ across)).max() < 1e-12
