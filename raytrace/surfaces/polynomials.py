@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,10 @@ def height_field_of(surface: BSplineSurface) -> HeightField | None:
     return HeightField(cells, float(z.max()) + MARGIN_MM, _steepest(surface), float(z.min()) - MARGIN_MM, _bend(surface))
 
 
+# Those of the surfaces that are in use: a face with its loops, without them, and from its other side have one.
+_patches: WeakKeyDictionary[BSplineSurface, Patches | None] = WeakKeyDictionary()
+
+
 def patches_of(surface: BSplineSurface) -> Patches | None:
     """Take a surface as polynomials of its own parameters.
 
@@ -69,11 +74,12 @@ def patches_of(surface: BSplineSurface) -> Patches | None:
     -------
     None where the degree is above 25.
     """
-    centre, extent, poles = _homogeneous(surface)
-    cells = _padded_cells(surface, poles)
-    if cells is None:
-        return None
-    return Patches(cells, poles.shape[2], centre, extent, _sheet(surface, centre), _closed(surface))
+    if surface not in _patches:
+        centre, extent, poles = _homogeneous(surface)
+        cells = _padded_cells(surface, poles)
+        _patches[surface] = None if cells is None else Patches(
+            cells, poles.shape[2], centre, extent, _sheet(surface, centre), _closed(surface))
+    return _patches[surface]
 
 
 def polynomial_cells(surface: BSplineSurface) -> PolynomialCells | None:
