@@ -38,6 +38,7 @@ from raytrace.scene.lit_world import LitWorld
 from raytrace.scene.mirror_scene import MirrorScene
 from raytrace.scene.reference import Picture
 from raytrace.viewing.bezel import housing
+from raytrace.viewing.camera import Camera
 from raytrace.viewing.pose import Pose
 from raytrace.viewing.ray_differentials import ray_differentials
 from raytrace.viewing.view import View
@@ -45,7 +46,7 @@ from raytrace.viewing.view import View
 Array = NDArray[np.float64]
 Report = Callable[[str, float], None]  # what is being done, and the share of it that is
 
-DRAFT_MS = 90.0  # for the rays of a draft's pictures: with the design and its way to the page some 150 ms
+DRAFT_MS = 20.0  # for the rays of a draft's pictures: with the design and its way to the page some 65 ms, 15 a second
 MIN_DRAFT_PX = 8_000  # a picture; below, nothing is recognised
 SLOWEST, FASTEST = 50.0, 20_000.0  # pixels a millisecond that one measurement of the pace is believed
 TALLEST = 1.75  # rows over columns: beyond, a picture holds nothing but more sky and grass
@@ -118,12 +119,12 @@ def show(spec: MirrorSpec, look: ViewSettings, fine: bool, users_mirror: Reflect
     pictures, cameras = {}, {}
     for k, (name, number, each, view) in enumerate(views):
         width, height = sizes[list(seen).index(name)]
+        camera, pixel = camera_at(each, view, width, height)
         if fine:
             picture, _ = eye_picture(each, view, made, past(each, made, True), width, height,
                                      lambda share, k=k: report(FINE, (k + share) / len(views)))  # type: ignore[misc]
         else:
-            picture = draft(each, view, made, width, height)
-        camera, _ = camera_at(each, view, width, height)
+            picture = draft(each, view, made, camera, pixel)
         cameras[f"{name}{number}"] = [*camera.base, *camera.across, *camera.down, width, height]
         pictures[f"{name}{number}"] = jpeg(picture, FINE_QUALITY if fine else QUICK_QUALITY)
     end = time.perf_counter()
@@ -167,21 +168,19 @@ def drafted(sizes: list[tuple[int, int]], eyes: int) -> list[tuple[int, int]]:
     return [(max(16, round(scale * width)), max(16, round(scale * height))) for width, height in sizes]
 
 
-def draft(mirror: DrivenMirror, view: View, made: World, width: int, height: int) -> Picture:
-    """One ray a pixel."""
-    camera, pixel = camera_at(mirror, view, width, height)
+def draft(mirror: DrivenMirror, view: View, made: World, camera: Camera, pixel: float) -> Picture:
+    """One ray a pixel; `pixel` is its size, radians."""
     driven_world = MirrorScene(made.lit, past(mirror, made, False), view.pose, made.reflectance, 0.5 * pixel, cones_of(view))
     begun = time.perf_counter()
     picture, _ = photograph(view.reflector, camera, driven_world, None, 1)
-    _pace.measured(width * height, 1e3 * (time.perf_counter() - begun))
+    _pace.measured(camera.columns * camera.rows, 1e3 * (time.perf_counter() - begun))
     return picture
 
 
 @lru_cache(maxsize=4)
 def past(mirror: DrivenMirror, made: World, fine: bool) -> _Past:
-    """What the driver sees past a mirror; in drafts the housing is not worked out how it shades itself."""
-    shell = housing(mirror.whole)
-    body = housing_body(shell, mirror.pose) if fine else _plain(shell, mirror.pose)
+    """What the driver sees past a mirror; in drafts the housing is coarser, and not worked out how it shades itself."""
+    body = housing_body(housing(mirror.whole), mirror.pose) if fine else _plain(housing(mirror.whole, 2), mirror.pose)
     return _Past(made.past, LitWorld((body,), None, made.daylight))
 
 

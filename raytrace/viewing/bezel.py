@@ -43,7 +43,7 @@ def visible_aperture(reflector: Reflector, over_mm: float) -> Reflector:
     return reflector if over_mm == 0.0 else replace(reflector, surface=reflector.surface.inset(over_mm))
 
 
-def housing(reflector: Reflector) -> SurfaceMesh:
+def housing(reflector: Reflector, every: int = 1) -> SurfaceMesh:
     """Make a closed shell around a mirror: a rounded rim before its edge, and a back behind it.
 
     Only how it looks matters: it begins at the reflector's own edge (`edge_loop`).
@@ -51,13 +51,14 @@ def housing(reflector: Reflector) -> SurfaceMesh:
     Parameters
     ----------
     reflector : the mirror, in its own coordinates.
+    every : 1, or 2 for a quarter of the triangles, with every other point along the edge and across it.
 
     Returns
     -------
     SurfaceMesh
         In mirror coordinates, mm.
     """
-    edge = _edge(reflector)
+    edge = _edge(reflector)[::every]
     centre = edge.mean(axis=0)
     outward = outward_normals(edge[:, :2])
     rings = []
@@ -73,6 +74,7 @@ def housing(reflector: Reflector) -> SurfaceMesh:
         ring[:, :2] = centre[:2] + (outer[:, :2] - centre[:2]) * (NARROWER + (1.0 - NARROWER) * np.cos(0.5 * np.pi * step))
         ring[:, 2] -= DEPTH_MM * np.sin(0.5 * np.pi * step)
         rings.append(ring)
+    rings = rings[::every]
     back = rings[-1].mean(axis=0)
     n = len(edge)
     k = np.arange(n)
