@@ -23,7 +23,7 @@ from raytrace.surfaces.rim import Curve
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Rays inside the glass that are taken face by face are started this far before the face they leave, as a share of the faces'
+# Rays inside the glass that are taken face by face are started this far before the face they leave, as a share of the back's
 # size: what they meet lies behind the start, however thin the glass and whatever rounding does.
 RUN_UP = 0.01
 MAX_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
@@ -121,14 +121,16 @@ class Plate(OpticalSurface):
 
     def face_by_face(self, rays: Rays, out: Trace) -> None:
         """The same for any faces: all rays to one, then those that are left to the next."""
+        outline = self.back.outline()
+        run_up = RUN_UP * float(np.linalg.norm(outline.max(axis=0) - outline.min(axis=0)))
         self.front.first_hits(rays, out)
         inside = np.flatnonzero(out.status == Status.REFLECTED)
         units = rays.directions[inside] / np.linalg.norm(rays.directions[inside], axis=1, keepdims=True)
         down, _ = refract(units, out.normals[inside], 1.0 / self.index)
-        turning = _from_before(self.back, out.points[inside], down)
+        turning = _from_before(self.back, out.points[inside], down, run_up)
         inside = _still(out, inside, turning.status)
         met = turning.status == Status.REFLECTED
-        leaving = _from_before(self._front_from_inside, turning.points[met], turning.directions[met])
+        leaving = _from_before(self._front_from_inside, turning.points[met], turning.directions[met], run_up)
         after, total = refract(turning.directions[met], leaving.normals, self.index)
         status = np.where(total, np.int8(Status.BLOCKED), leaving.status)
         out.points[inside], out.normals[inside], out.directions[inside] = leaving.points, turning.normals[met], after
@@ -303,9 +305,7 @@ def _still(trace: Trace, index: Index, status: NDArray[np.int8]) -> Index:
     return index[~off]
 
 
-def _from_before(face: Face, points: Array, directions: Array) -> Trace:
-    outline = face.outline()
-    run_up = RUN_UP * float(np.linalg.norm(outline.max(axis=0) - outline.min(axis=0)))
+def _from_before(face: Face, points: Array, directions: Array, run_up: float) -> Trace:
     found = Trace.empty(len(points))
     face.first_hits(Rays(points - run_up * directions, np.ascontiguousarray(directions)), found)
     return found
