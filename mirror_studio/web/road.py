@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,6 +17,7 @@ from mirror_studio.drive.mirrors import DrivenMirror
 from mirror_studio.drive.pictures import EYE_HEIGHT_PX, EYE_WIDTH_PX, World, camera_at, cones_of, eye_picture
 from mirror_studio.drive.world import HOUSING, MM, housing_body
 from mirror_studio.json_types import Json
+from mirror_studio.web.backdrop import Backdrops
 from mirror_studio.web.engine import (
     FINE_QUALITY,
     LAYOUTS,
@@ -35,7 +36,7 @@ from raytrace.image import photograph
 from raytrace.reflector import Reflector
 from raytrace.scene.bodies import Body
 from raytrace.scene.lit_world import LitWorld
-from raytrace.scene.mirror_scene import MirrorScene
+from raytrace.scene.mirror_scene import Lit, MirrorScene
 from raytrace.scene.reference import Picture
 from raytrace.viewing.bezel import housing
 from raytrace.viewing.camera import Camera
@@ -63,6 +64,7 @@ class _Pace:
 
 
 _pace = _Pace()
+_backdrops = Backdrops()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class _Past:
     `World.beside`, but that neither shades the other, so that nothing is built anew but the housing.
     """
 
-    world: LitWorld
+    world: Lit
     housing: LitWorld
 
     def radiance(self, origins: Array, directions: Array, spread: Array) -> Array:
@@ -169,8 +171,13 @@ def drafted(sizes: list[tuple[int, int]], eyes: int) -> list[tuple[int, int]]:
 
 
 def draft(mirror: DrivenMirror, view: View, made: World, camera: Camera, pixel: float) -> Picture:
-    """One ray a pixel; `pixel` is its size, radians."""
-    driven_world = MirrorScene(made.lit, past(mirror, made, False), view.pose, made.reflectance, 0.5 * pixel, cones_of(view))
+    """One ray a pixel, of `pixel` radians; past the mirror what is kept of the eye's view."""
+    beside, turn = past(mirror, made, False), view.pose.rotation
+    kept = _backdrops.of(made.past, replace(camera, eye=view.eye, base=turn @ camera.base, across=turn @ camera.across,
+                                            down=turn @ camera.down), pixel)
+    if kept is not None:
+        beside = replace(beside, world=kept)
+    driven_world = MirrorScene(made.lit, beside, view.pose, made.reflectance, 0.5 * pixel, cones_of(view))
     begun = time.perf_counter()
     picture, _ = photograph(view.reflector, camera, driven_world, None, 1)
     _pace.measured(camera.columns * camera.rows, 1e3 * (time.perf_counter() - begun))
