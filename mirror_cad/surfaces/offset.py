@@ -66,7 +66,7 @@ def offset_surface(surface: BSplineSurface, outline: Outline, thickness_mm: floa
     other, along = ("back", -thickness_mm) if reflecting == "front" else ("front", thickness_mm)
 
     def true_offset(u: Array, v: Array) -> Array:
-        at = surface.on_grid(u, v)
+        at = surface.on_grid(u, v, order=1)
         result: Array = at["s"] + along * normals(at["u"], at["v"])
         return result
 

@@ -250,7 +250,7 @@ def _sheet(surface: BSplineSurface, centre: Array) -> Array:
     places, the Jacobian's symmetric part is positive definite: on a convex domain no two places then coincide.
     """
     u, v = _samples(surface.knots_u, surface.degree_u), _samples(surface.knots_v, surface.degree_v)
-    d = surface.on_grid(u, v)
+    d = surface.on_grid(u, v, order=1)
     across = np.cross(d["u"], d["v"]).reshape(-1, 3)
     length = np.linalg.norm(across, axis=1)
     if not length.min() > 0.0:
