@@ -7,11 +7,9 @@ import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import ezdxf
 import numpy as np
-from ezdxf.entities import DXFEntity
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mirror_cad.errors import OutlineError, WriteError
@@ -22,6 +20,9 @@ from mirror_cad.outline.pieces import Piece, elliptic_arc
 from mirror_cad.outline.record import Outline
 from mirror_cad.outline.segments import Arc, Line, Segment, Spline, arc_between
 from mirror_cad.outline.transition import TRANSITION_LAYER, TransitionLine
+
+if TYPE_CHECKING:
+    from ezdxf.entities import DXFEntity
 
 _MM_PER_UNIT = {
     0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 25.4e-3, 10: 914.4, 13: 1e-3, 14: 100.0
@@ -216,6 +217,8 @@ def write_dxf(outline: Outline, path: str | os.PathLike[str], transition: Transi
     WriteError
         Where the file cannot be written.
     """
+    import ezdxf
+
     fixed_before = ezdxf.options.write_fixed_meta_data_for_testing
     if os.environ.get("SOURCE_DATE_EPOCH"):
         ezdxf.options.write_fixed_meta_data_for_testing = True

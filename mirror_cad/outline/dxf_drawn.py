@@ -7,15 +7,14 @@ import logging
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
-
-import ezdxf
-from ezdxf import recover
-from ezdxf.document import Drawing
-from ezdxf.entities import DXFEntity, Insert
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from mirror_cad.errors import OutlineError
 from mirror_cad.outline.transition import TRANSITION_LAYER
+
+if TYPE_CHECKING:  # ezdxf takes a quarter of a second to be loaded: those who neither read nor write a drawing do without
+    from ezdxf.document import Drawing
+    from ezdxf.entities import DXFEntity, Insert
 
 _ANNOTATIONS = {
     "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "POINT", "LEADER", "MULTILEADER",
@@ -53,6 +52,8 @@ def open_dxf(file: Path, notes: list[str]) -> tuple[Drawing, int]:
 
     Raises `OutlineError` for a file that is no DXF file or beyond repair.
     """
+    import ezdxf
+
     with _quiet():
         try:
             document = ezdxf.readfile(str(file))
@@ -76,6 +77,8 @@ def _quiet() -> Iterator[None]:
 
 
 def _recovered(file: Path, fault: Exception, notes: list[str]) -> Drawing:
+    from ezdxf import recover
+
     try:
         document, audit = recover.readfile(str(file))
         lost = len(audit.errors)
@@ -128,11 +131,10 @@ def drawn_entities(document: Drawing, file: Path, layer: str | None, notes: list
         if entity.dxf.get("invisible", 0):
             left_out["invisible"] += 1
         elif kind == "INSERT":
-            assert isinstance(entity, Insert)
             if why == "frozen":
                 left_out[f"on the layer {printable(own)!r}, which is frozen"] += 1
                 continue
-            parts = _taken_apart(entity, file, label, blocks)
+            parts = _taken_apart(cast("Insert", entity), file, label, blocks)
             pending.extend((part, own, f"{_label(part)} in the block {printable(entity.dxf.name)!r}",
                             (*blocks, entity.dxf.name)) for part in reversed(parts))
         elif why is not None:

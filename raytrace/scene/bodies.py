@@ -148,11 +148,12 @@ def body_of(vertices: ArrayLike, faces: ArrayLike, material: Material, normals: 
 
 
 def _shaded(whole: Joined, shadow: Contact | None) -> Body:
-    """The body, with the sky's share where it is missing: hidden by what covers half or more of what is behind it."""
-    hides = np.array([material.mean_cover >= HIDES_FROM for material in whole.materials])[whole.material]
-    scene = TriangleScene(whole.vertices, whole.faces[hides]) if hides.any() else None
-    sky = whole.sky
-    missing = np.isnan(sky)
+    """The body, with the sky's share and the shadow where they are missing.
+
+    What covers half or more of what is behind it hides the sky.
+    """
+    sky, missing = whole.sky, np.isnan(whole.sky)
+    scene = _hiding(whole) if shadow is None or missing.any() else None  # of bodies that bring both, Embree need not know
     if missing.any():
         few = np.count_nonzero(missing) <= MAX_SHADED
         sky = np.where(missing, 1.0 if scene is None or not few else
@@ -161,6 +162,12 @@ def _shaded(whole: Joined, shadow: Contact | None) -> Body:
         shadow = contact(scene, whole.vertices)
     return Body(whole.vertices, whole.normals, whole.uv, np.clip(sky, 0.0, 1.0), whole.faces, whole.material, whole.materials,
                 shadow, whole.colours)
+
+
+def _hiding(whole: Joined) -> TriangleScene | None:
+    """The triangles that hide the sky; None where there are none."""
+    hides = np.array([material.mean_cover >= HIDES_FROM for material in whole.materials])[whole.material]
+    return TriangleScene(whole.vertices, whole.faces[hides]) if hides.any() else None
 
 
 def _checked(path: Path, parts: list[Part]) -> list[Part]:
