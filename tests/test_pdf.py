@@ -14,7 +14,9 @@ import pytest
 
 from mirror_cad.design_stages import design
 from mirror_cad.spec.file import load_spec, validate_spec
-from mirror_studio.report import find, write_pdf, write_report
+from mirror_studio.report.page import write_report
+from mirror_studio.report.pdf import write_pdf
+from mirror_studio.report.report_data import find
 from tests.conftest import designed
 from tests.test_findings import deviation_of
 from tests.test_report import MANIFEST, METRICS, _picture

@@ -40,9 +40,12 @@ from mirror_studio.build.results import (
     PlateFigures,
     StepCheck,
 )
-from mirror_studio.report import contact_sheet, fields, find, table1_markdown, write_index, write_report
+from mirror_studio.report import fields
 from mirror_studio.report.colours import BLUE_ORANGE, VIRIDIS
 from mirror_studio.report.maps import pair_maps, radius_ticks
+from mirror_studio.report.page import write_report
+from mirror_studio.report.paper_page import contact_sheet, table1_markdown, write_index
+from mirror_studio.report.report_data import find
 from mirror_studio.report.requirement import Requirement
 from mirror_studio.report.rows import requirement_groups
 from mirror_studio.report.side_by_side import exchange_sentences, side_by_side

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +50,8 @@ class Plate:
     """A mirror as a solid: the optical face, the whole, and what the kernel says of it.
 
     front_face : the face towards the driver, which is the optical one where the front reflects.   front, back : the surfaces
-    of both faces, on the same parameters.   offset : that of the two which is not the optical one.   area_mm2 : of the
-    optical face.   volume_mm3 : of the plate.   back_error_mm : `offset`, be it back or front, against the true one.
+    of both faces, on the same parameters.   offset : that of the two which is not the optical one.   back_error_mm : `offset`,
+    be it back or front, against the true one.
     """
 
     solid: TopoDS_Solid
@@ -59,9 +60,17 @@ class Plate:
     front: BSplineSurface
     back: BSplineSurface
     offset: BSplineSurface
-    area_mm2: float
-    volume_mm3: float
     back_error_mm: float
+
+    @cached_property
+    def area_mm2(self) -> float:
+        """Of the optical face, mm²."""
+        return area(self.optical)
+
+    @cached_property
+    def volume_mm3(self) -> float:
+        """Of the plate, mm³: a tenth of a second, which who only writes or traces it does not wait for."""
+        return volume(self.solid)
 
 
 def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflecting: Side = "front",
@@ -100,7 +109,7 @@ def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflec
     if sewing.NbFreeEdges() or not BRepCheck_Analyzer(solid).IsValid():
         raise SolidError(f"the plate of {thickness_mm:g} mm is no valid solid ({sewing.NbFreeEdges()} open edges): look "
                          "for an outline with pieces shorter than a micrometre or corners sharper than the glass is thick")
-    return Plate(solid, optical, front_face, front_surface, back_surface, offset, area(optical), volume(solid), offset_error)
+    return Plate(solid, optical, front_face, front_surface, back_surface, offset, offset_error)
 
 
 def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:

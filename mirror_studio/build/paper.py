@@ -36,7 +36,7 @@ def table_1(metrics: Mapping[str, Metrics]) -> dict[str, PaperRow]:
 
 def build_paper(out: Path, progress: Progress) -> tuple[dict[str, PaperRow], tuple[str, ...]]:
     """Make the whole set in `out`; returns table 1 and what tolerance or limit was missed."""
-    from mirror_studio.report import contact_sheet, table1_markdown, write_index
+    from mirror_studio.report.paper_page import contact_sheet, table1_markdown, write_index
 
     missed: list[str] = []
     with new_set(out) as folder:

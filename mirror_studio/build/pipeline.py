@@ -185,7 +185,9 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
 def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, step_file: StepFile,
             read_back: BSplineSurface, reflector: Reflector, view: Picture, pdf: bool) -> None:
     """Write the figures as JSON and tables, the report and the manifest, which names every other file."""
-    from mirror_studio.report import find, write_findings, write_pdf, write_report
+    from mirror_studio.report.page import write_report
+    from mirror_studio.report.pdf import write_pdf
+    from mirror_studio.report.report_data import find, write_findings
 
     write_json(folder / "metrics.json", metrics_as_json(metrics))
     write_json(folder / "deviation.json", deviation_as_json(deviation, metrics.target))

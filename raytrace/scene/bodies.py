@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.errors import FileError
-from raytrace.embree import TriangleScene
+from raytrace.embree import TriangleScene, extent
 from raytrace.errors import SceneError
 from raytrace.pictures import decoded
 from raytrace.polygon_mesh import FARTHEST, misplaced
@@ -185,15 +185,15 @@ def _checked(path: Path, parts: list[Part]) -> list[Part]:
         if wrong.any():
             raise FileError(f"{path}: triangle {int(np.argmax(wrong))} has a corner that is not finite, or beyond {FARTHEST:g}")
         for name, values in (("normal", part.normals), ("sky share", part.sky), ("colour", part.colours)):
-            if values is not None and not np.isfinite(values[np.unique(part.faces)]).all():
+            if values is not None and not np.isfinite(values).all() and not np.isfinite(values[np.unique(part.faces)]).all():
                 raise FileError(f"{path}: a vertex has a {name} that is not finite")
     return parts
 
 
 def _refuse_size(path: Path, parts: list[Part], scale: float, metres: bool) -> None:
     """Refuse what is no size of a thing beside a road, with a guess at the unit that was meant."""
-    used = [part.vertices[np.unique(part.faces)] for part in parts]
-    low, high = np.min([p.min(axis=0) for p in used], axis=0), np.max([p.max(axis=0) for p in used], axis=0)
+    boxes = [extent(part.vertices[part.faces].reshape(-1, 3)) for part in parts]  # what no triangle names is not drawn
+    low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
     size = float((high - low).max()) * scale
     if SMALLEST_MM <= size <= LARGEST_MM:
         return

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace.embree import Hits, TriangleScene
+from raytrace.embree import Hits, TriangleScene, extent
 from raytrace.parallel import parallel_for
 from raytrace.scene import shading
 from raytrace.scene.bodies import Body
@@ -185,7 +185,7 @@ class LitWorld:
     @cached_property
     def _lift(self) -> float:
         """How far off a surface rays start, mm."""
-        return LIFT * 0.5 * float(np.linalg.norm(np.ptp(self._mesh.vertices, axis=0))) if self.bodies else 0.0
+        return LIFT * 0.5 * float(np.linalg.norm(np.subtract(*extent(self._mesh.vertices)))) if self.bodies else 0.0
 
     def __post_init__(self) -> None:
         # Made before threads ask for them.
@@ -292,9 +292,11 @@ class LitWorld:
 
 def _uv_per_mm(vertices: Array, uv: Array, faces: NDArray[np.int32]) -> Array:
     """How far (u, v) goes a millimetre on each triangle: the root of the areas' ratio; 0 without texture coordinates."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    p, q = uv[faces[:, 1]] - uv[faces[:, 0]], uv[faces[:, 2]] - uv[faces[:, 0]]
-    textured = np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+    a, b, c = np.ascontiguousarray(faces.T)
+    # By columns: numpy's cross product and its sums over three take four times as long.
+    (ax, ay, az), (bx, by, bz) = ([column[to] - column[a] for column in np.ascontiguousarray(vertices.T)] for to in (b, c))
+    area = np.sqrt((ay * bz - az * by) ** 2 + (az * bx - ax * bz) ** 2 + (ax * by - ay * bx) ** 2)
+    (pu, pv), (qu, qv) = ([column[to] - column[a] for column in np.ascontiguousarray(uv.T)] for to in (b, c))
+    textured = np.abs(pu * qv - pv * qu)
     ratio = np.divide(textured, area, out=np.zeros_like(area), where=area > 0.0)
     return np.sqrt(np.where(np.isfinite(ratio), ratio, 0.0))
