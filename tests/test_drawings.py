@@ -103,6 +103,13 @@ def test_lines_of_some_mirrors_fill_their_figure(reflectors: list[Reflector], mo
         assert key in [each.text for each in root.findall(f"{SVG}text")]
 
 
+def test_a_mirror_that_shows_things_twice_has_words_for_its_lines(reflectors: list[Reflector], tmp_path: Path) -> None:
+    lines.line_drawings(tmp_path / "lines.svg", [measured(reflectors[0], "m"), measured(reflectors[1], "n")])
+    words = [each.text for each in fits(tmp_path / "lines.svg").findall(f"{SVG}text")]
+    assert words.count("not measured") == 2
+    assert not set(lines.LINES) & set(words)
+
+
 @pytest.mark.parametrize("count", [1, 12])
 @pytest.mark.parametrize("name", ["m", LONG_NAME])
 def test_names_of_turned_mirrors_are_not_cut_off(reflectors: list[Reflector], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from mirror_cad.spec.file import spec_as_json
@@ -35,7 +36,7 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
 
     Raises: MirrorError, with nothing written.
     """
-    with new_set(out) as folder:
+    with new_set(out) as folder, ThreadPoolExecutor(1) as writer:  # PNG is made while figures are: zlib needs no interpreter
         mirrors: list[DrivenMirror] = []
         for name in names:
             progress.step(f"{name}: making and aiming")
@@ -51,17 +52,19 @@ def drive(names: Sequence[str], scene: SceneFile, out: Path, progress: Progress,
             progress.step(f"{scene.name}: left out: {line}" if "left out" not in line else line)
         bodies = {name: body for name, body in world.named if name}
         asked = asked_of(scene, bodies)
-        measured, changes, rays = [], [], {}
+        measured, changes, rays, written = [], [], {}, []
         for mirror in mirrors:
             progress.step(f"{mirror.name}: what both eyes see")
             picture, rays[mirror.name] = both_eyes(mirror, world, progress.share)
             refuse_unreflected(mirror.name, rays[mirror.name], mirror.placement)
-            write_png(folder / picture_name(mirror.name), picture)
+            written.append(writer.submit(write_png, folder / picture_name(mirror.name), picture))
             progress.step(f"{mirror.name}: measures")
             measured.append(measure(mirror, asked))
             progress.step(f"{mirror.name}: sensitivity")
             changes.append(sensitivity(mirror, lambda each: main_figures(each, asked), MM * scene.mirror.bezel_over_m))
         progress.step("drawings and sheet")
+        for each in written:
+            each.result()
         content = _write(folder, scene, measured, changes, rays,
                          [(name, footprint(body.vertices)) for name, body in bodies.items()], world.left_out)
     progress.step(f"done: open {out / 'index.html'}")
