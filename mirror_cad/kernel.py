@@ -1,15 +1,22 @@
-"""Read CAD files in a process of their own: what the kernel finds comes back as arrays or as a FileError."""
+"""Read CAD files in a process of their own, and write mirrors there: what the kernel finds comes back as arrays or an error."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from mirror_cad.errors import FileError, MirrorError
+from mirror_cad.errors import FileError, MirrorError, SolidError
 from mirror_cad.guarded import FallenError, GuardedProcess, Progress
+from mirror_cad.own_files import Hand
 
-_READING = "mirror_cad.occt.reading"
+if TYPE_CHECKING:
+    from mirror_cad.occt.convert import BSplineArrays
+    from mirror_cad.outline import Outline
+    from mirror_cad.outline.transition import TransitionLine
+
+_READING, _WRITING = "mirror_cad.occt.reading", "mirror_cad.occt.plate_step"
 # How long the kernel may work on a file without getting further: it reads a megabyte in a second, a face in less, on a machine
 # that is busy with ten other things ten times as long; nobody waits a minute for a file that hangs.
 STALL_SECONDS = 45.0
@@ -26,6 +33,16 @@ def _memory_bytes() -> int | None:
 
 
 _process = GuardedProcess(_memory_bytes())
+
+
+class PlateText(NamedTuple):
+    """What a plate's STEP file says of it beside its shape: see `mirror_cad.mirror.Mirror.export_step`."""
+
+    name: str
+    reflecting: Literal["front", "back"]
+    hand: Hand
+    transition_mm: float | None
+    transition: TransitionLine | None
 
 
 def start_reader() -> None:
@@ -53,3 +70,16 @@ def asked(path: Path, function: str, *arguments: object, progress: Progress | No
         if str(path) in said:
             raise
         raise type(error)(said.replace(absolute, str(path)) if absolute in said else f"{path}: {said}") from None
+
+
+def write_apart(path: Path, optical: BSplineArrays, other: BSplineArrays, outline: Outline, thickness_mm: float,
+                said: PlateText) -> None:
+    """Write a plate as STEP: `mirror_cad.occt.plate_step.write_from_arrays` in the process.
+
+    Raises: SolidError, WriteError as that does, and where the kernel falls over it.
+    """
+    try:
+        _process.call(f"{_WRITING}:write_from_arrays", str(path.resolve()), optical, other, outline, thickness_mm, said,
+                      seconds=STALL_SECONDS)
+    except FallenError as error:
+        raise SolidError(f"{said.name}: the CAD kernel cannot make a solid of it: {error}") from None

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.deviation import Deviation, compare_stages
 from mirror_cad.errors import WriteError
+from mirror_cad.kernel import PlateText, write_apart
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline
-from mirror_cad.outline.transition import TRANSITION_LINE, TransitionLine, transition_line
+from mirror_cad.outline.transition import TransitionLine, transition_line
 from mirror_cad.reflection import reflected_mesh, reflected_surface
 from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     import cadquery
 
     from mirror_cad.occt.solid import Plate
-    from mirror_cad.occt.step import Part
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -194,14 +194,33 @@ class Mirror:
         WriteError, SolidError
             Where the file cannot be written, or the plate cannot be.
         """
-        from mirror_cad.occt.step import FRONT_FACE, GLASS_COLOUR, OPTICAL_FACE, Part, write_step
+        from mirror_cad.occt.plate_step import write_plate
 
-        plate, name = self.as_made.plate, self.spec.name
-        faces = {OPTICAL_FACE: plate.optical}
-        if self.spec.glass.reflecting == "back":
-            faces[FRONT_FACE] = plate.front_face
-        parts = [Part(plate.solid, name, GLASS_COLOUR, faces), *self.as_made._transition_part()]
-        write_step(Path(path), parts, name, self.spec.part.hand, self.spec.part.transition_mm)
+        made = self.as_made
+        write_plate(Path(path), made.plate, made.surface, made._text)
+
+    def export_step_apart(self, path: str | Path) -> None:
+        """Write what `export_step` writes in the process that reads CAD files: this one does without the kernel.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of the file.
+
+        Raises
+        ------
+        WriteError, SolidError
+            As `export_step`.
+        """
+        made = self.as_made
+        optical, other = ((each.degree_u, each.degree_v, each.knots_u, each.knots_v, each.poles, each.weights)
+                          for each in (made.surface, made._other_face[0]))
+        write_apart(Path(path), optical, other, made.outline, self.spec.glass.thickness_mm, made._text)
+
+    @property
+    def _text(self) -> PlateText:
+        part = self.spec.part
+        return PlateText(self.spec.name, self.spec.glass.reflecting, part.hand, part.transition_mm, self.transition)
 
     def export_surface_step(self, path: str | Path) -> None:
         """Write the untrimmed sheet, `surface_margin_mm` beyond the outline, with the trim curve as a wire.
@@ -216,24 +235,15 @@ class Mirror:
         WriteError, SolidError
             Where the file cannot be written, or the plate cannot be.
         """
+        from mirror_cad.occt.plate_step import transition_part
         from mirror_cad.occt.solid import outer_wire, sheet
         from mirror_cad.occt.step import OPTICAL_COLOUR, OPTICAL_FACE, TRIM_CURVE, Part, write_step
 
         made, name = self.as_made, f"{self.spec.name}-surface"
         shell, face = sheet(made.surface, made.sheet_box())
         parts = [Part(shell, name, OPTICAL_COLOUR, {OPTICAL_FACE: face}),
-                 Part(outer_wire(made.plate.optical), TRIM_CURVE), *made._transition_part()]
+                 Part(outer_wire(made.plate.optical), TRIM_CURVE), *transition_part(made.surface, made.transition)]
         write_step(Path(path), parts, name, self.spec.part.hand, self.spec.part.transition_mm)
-
-    def _transition_part(self) -> list[Part]:
-        """The transition line as a curve on the optical face, for a STEP file; nothing without one."""
-        line = self.transition
-        if line is None:
-            return []
-        from mirror_cad.occt.solid import upright_curve
-        from mirror_cad.occt.step import Part
-
-        return [Part(upright_curve(self.surface, line.x_mm, line.low_mm, line.high_mm), TRANSITION_LINE)]
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
         """Write the plate as binary STL, no facet farther than the deflection from its face.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,35 @@ Array = NDArray[np.float64]
 BSplineArrays = tuple[int, int, Array, Array, Array, Array | None]
 
 
-def to_geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
+class BSplineRecord(Protocol):
+    """What the kernel is told of a B-spline surface: a BSplineSurface, or its arrays under the same names."""
+
+    @property
+    def degree_u(self) -> int:
+        """Along u."""
+
+    @property
+    def degree_v(self) -> int:
+        """Along v."""
+
+    @property
+    def knots_u(self) -> Array:
+        """With repetition."""
+
+    @property
+    def knots_v(self) -> Array:
+        """With repetition."""
+
+    @property
+    def poles(self) -> Array:
+        """(n_u, n_v, 3), mm."""
+
+    @property
+    def weights(self) -> Array | None:
+        """(n_u, n_v); None where they are one."""
+
+
+def to_geom_surface(surface: BSplineRecord) -> Geom_BSplineSurface:
     """The same surface as a kernel object: same degree, knots, poles and weights."""
     nu, nv = surface.poles.shape[:2]
     poles = TColgp_Array2OfPnt(1, nu, 1, nv)

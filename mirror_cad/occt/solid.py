@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,11 @@ from mirror_cad.errors import SolidError
 from mirror_cad.occt.convert import to_geom_surface, to_pcurve
 from mirror_cad.occt.shapes import faces_of
 from mirror_cad.outline import Outline
-from mirror_cad.surfaces.bspline import BSplineSurface
-from mirror_cad.surfaces.offset import Side, offset_surface
+
+if TYPE_CHECKING:  # they bring numba along, which the child process does without
+    from mirror_cad.occt.convert import BSplineRecord
+    from mirror_cad.surfaces.bspline import BSplineSurface
+    from mirror_cad.surfaces.offset import Side
 
 Array = NDArray[np.float64]
 
@@ -46,17 +50,25 @@ MANY_PATCHES = 500
 
 
 @dataclass(frozen=True, eq=False)
-class Plate:
-    """A mirror as a solid: the optical face, the whole, and what the kernel says of it.
+class PlateShapes:
+    """A mirror as a solid of the kernel: the whole, and the optical face.
 
-    front_face : the face towards the driver, which is the optical one where the front reflects.   front, back : the surfaces
-    of both faces, on the same parameters.   offset : that of the two which is not the optical one.   back_error_mm : `offset`,
-    be it back or front, against the true one.
+    front_face : the face towards the driver, which is the optical one where the front reflects.
     """
 
     solid: TopoDS_Solid
     optical: TopoDS_Face
     front_face: TopoDS_Face
+
+
+@dataclass(frozen=True, eq=False)
+class Plate(PlateShapes):
+    """The same with its surfaces, and what the kernel says of it.
+
+    front, back : the surfaces of both faces, on the same parameters.   offset : that of the two which is not the optical one.
+    back_error_mm : `offset`, be it back or front, against the true one.
+    """
+
     front: BSplineSurface
     back: BSplineSurface
     offset: BSplineSurface
@@ -84,9 +96,25 @@ def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflec
     Raises
     ------
     SolidError
-        As `offset_surface`, or where the kernel finds no single valid solid.
+        As `offset_surface`, and as `plate_shapes`.
     """
-    offset, offset_error = other or offset_surface(surface, outline, thickness_mm, reflecting)
+    from mirror_cad.surfaces.offset import offset_surface
+
+    offset, error = other or offset_surface(surface, outline, thickness_mm, reflecting)
+    made = plate_shapes(surface, offset, outline, thickness_mm, reflecting)
+    front, back = (surface, offset) if reflecting == "front" else (offset, surface)
+    return Plate(made.solid, made.optical, made.front_face, front, back, offset, error)
+
+
+def plate_shapes(surface: BSplineRecord, offset: BSplineRecord, outline: Outline, thickness_mm: float,
+                 reflecting: Side) -> PlateShapes:
+    """The solid between two surfaces on the same parameters, the optical one first.
+
+    Raises
+    ------
+    SolidError
+        Where the kernel finds no single valid solid.
+    """
     front_surface, back_surface = (surface, offset) if reflecting == "front" else (offset, surface)
     pcurves = _pcurves(outline)
     front, back = (_face(to_geom_surface(each), pcurves) for each in (front_surface, back_surface))
@@ -109,7 +137,7 @@ def plate(surface: BSplineSurface, outline: Outline, thickness_mm: float, reflec
     if sewing.NbFreeEdges() or not BRepCheck_Analyzer(solid).IsValid():
         raise SolidError(f"the plate of {thickness_mm:g} mm is no valid solid ({sewing.NbFreeEdges()} open edges): look "
                          "for an outline with pieces shorter than a micrometre or corners sharper than the glass is thick")
-    return Plate(solid, optical, front_face, front_surface, back_surface, offset, offset_error)
+    return PlateShapes(solid, optical, front_face)
 
 
 def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:
@@ -187,7 +215,7 @@ def outer_wire(face: TopoDS_Face) -> TopoDS_Wire:
     return BRepTools.OuterWire_s(face)
 
 
-def upright_curve(surface: BSplineSurface, u: float, v_low: float, v_high: float) -> TopoDS_Wire:
+def upright_curve(surface: BSplineRecord, u: float, v_low: float, v_high: float) -> TopoDS_Wire:
     """The curve u = const of a surface between two v, exactly: its isoparametric B-spline, as a wire of one edge."""
     edge = BRepBuilderAPI_MakeEdge(to_geom_surface(surface).UIso(u), v_low, v_high).Edge()
     return BRepBuilderAPI_MakeWire(edge).Wire()

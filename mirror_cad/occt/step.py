@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.IFSelect import IFSelect_RetDone
@@ -27,8 +28,10 @@ from mirror_cad.errors import FileError, WriteError
 from mirror_cad.occt.convert import face_as_bspline, face_as_quadric
 from mirror_cad.occt.shapes import faces_of
 from mirror_cad.own_files import Hand, hand_in_words, transition_in_words
-from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.quadric import Quadric
+
+if TYPE_CHECKING:  # it brings numba along, which the child process does without
+    from mirror_cad.surfaces.bspline import BSplineSurface
 
 STEP_SUFFIXES = (".step", ".stp")
 OPTICAL_FACE = "optical face"

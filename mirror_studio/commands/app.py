@@ -30,11 +30,15 @@ Pdf = Annotated[bool, Parameter(name="--pdf", negative=(), help="Write the repor
 PlaceText = Annotated[str, Parameter(name="--place", allow_leading_hyphen=True)]
 
 
-def start_cad_reader(files: list[Path]) -> None:
-    """Start the process that CAD files are read in beside our own imports, where one is among the files."""
+def start_cad_reader(files: list[Path], designed: bool = False) -> None:
+    """Start the process with the CAD kernel beside our own imports, where a CAD file is among the files.
+
+    designed : or a preset or a specification, whose mirror is written and read there.
+    """
     from raytrace.file_kinds import CAD_KINDS
 
-    if any(file.suffix.lower() in CAD_KINDS for file in files):
+    kinds = (*CAD_KINDS, "", ".toml") if designed else CAD_KINDS
+    if any(file.suffix.lower() in kinds for file in files):
         from mirror_cad.kernel import start_reader
 
         start_reader()

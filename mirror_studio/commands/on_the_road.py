@@ -26,7 +26,7 @@ def drive(mirror: list[str], /, *, scene: str = "motorway", place: PlaceTexts = 
     place
         Where the mirror is in its file, as for `trace`; FILE=PLACE says it for one of several files.
     """
-    start_cad_reader([Path(each) for each in mirror])
+    start_cad_reader([Path(each) for each in mirror], designed=True)
     from mirror_studio.progress import Progress
     from mirror_studio.scene_file import load_scene
 
@@ -85,7 +85,7 @@ def rules(mirror: str, /, *, rule: str, class_: Annotated[str | None, Parameter(
     place
         Where the mirror is in its file, as for `trace`.
     """
-    start_cad_reader([Path(mirror)])
+    start_cad_reader([Path(mirror)], designed=True)
     if pdf:
         from mirror_studio.report.pdf import check_pdf
 

@@ -20,7 +20,7 @@ from mirror_studio.drive.world import MM, eyes_of, host_vehicle_of, pose_of
 from mirror_studio.scene_file import AimSection, SceneFile
 from raytrace.errors import TraceError
 from raytrace.file_kinds import CAD_KINDS, conversion
-from raytrace.load import load_reflector, reflector_of
+from raytrace.load import load_reflector
 from raytrace.mesh_files import MESH_KINDS
 from raytrace.placement import Placement
 from raytrace.reflector import Reflector
@@ -153,15 +153,15 @@ def _refuse_metres(reflector: Reflector) -> None:
 
 
 def exported(spec: MirrorSpec) -> Reflector:
-    """The mirror of a specification, from the STEP file that it is exported to; of a right-hand one the left-hand one again."""
-    from mirror_cad.occt.step import read_step
+    """The mirror of a specification, from the STEP file that it is exported to; of a right-hand one the left-hand one again.
 
+    Written and read in the process that has the CAD kernel, which takes a second to be loaded beside all else.
+    """
     mirror = design(spec)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{spec.name}.step"
-        mirror.export_step(path)
-        read = reflector_of(read_step(path), spec.glass.index)  # our own file: the kernel, which is here anyway, may read it
-    return read if spec.part.hand == "left" else read.moved(Placement.identity("file", spec.part.hand))
+        mirror.export_step_apart(path)
+        return load_reflector(path, index=spec.glass.index, place="auto")
 
 
 def on_vehicle(name: str, whole: Reflector, scene: SceneFile, spec: MirrorSpec | None = None, designed: Mirror | None = None,
