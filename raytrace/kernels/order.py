@@ -108,24 +108,29 @@ def _scattered(cells, places, start):
 
 
 @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-def gathered(cells, origins, directions, room):
-    """Put rays into the room, those that go to one place of the sheet side by side; False where they lie together already.
+def scattered(cells, origins, directions, places):
+    """Whether rays lie apart, as some blocks of them do: whether it is worth while to sort them."""
+    n_rays = directions.size // 3
+    if 2 * cells.ends_u.size > MAX_BINS:
+        return False
+    found = 0
+    for k in range(SAMPLED):
+        first = (n_rays // BLOCK - 1) * k // (SAMPLED - 1) * BLOCK
+        _places(cells, origins, directions, first, first + BLOCK, places)
+        found += int(_scattered(cells, places, first))
+    return 2 * found > SAMPLED
+
+
+@compiled(nogil=True, fastmath={"contract"}, _nrt=False)
+def gather(cells, origins, directions, room):
+    """Put rays into the room, those that go to one place of the sheet side by side.
 
     Places are the sheet's cells, cut so that each gets a block of rays if they are spread evenly, column by column, up one and
     down the next.
     """
     n_rays = directions.size // 3
     places, bins, starts, columns_before = room.places, room.bins, room.starts, room.columns
-    if 2 * cells.ends_u.size > MAX_BINS:
-        return False
-    scattered = 0
-    for k in range(SAMPLED):
-        first = (n_rays // BLOCK - 1) * k // (SAMPLED - 1) * BLOCK
-        _places(cells, origins, directions, first, first + BLOCK, places)
-        scattered += int(_scattered(cells, places, first))
-    if 2 * scattered <= SAMPLED:
-        return False
-    _places(cells, origins, directions, 0, n_rays, places)
+    _places(cells, origins, directions, np.int64(0), n_rays, places)  # not a literal, for which it would be compiled anew
     ends_u, v_min, spans = cells.ends_u, cells.ends_v[0], cells.ends_u.size - 2
     v_size = cells.ends_v[-2] - v_min
     wanted = min(n_rays // BLOCK, MAX_BINS)
@@ -158,7 +163,6 @@ def gathered(cells, origins, directions, room):
         if origins.size > 3:
             for c in range(3):
                 room.origins[k + c] = origins[j + c]
-    return True
 
 
 @compiled(nogil=True, _nrt=False)

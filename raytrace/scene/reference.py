@@ -112,7 +112,7 @@ class _OnPlane(NamedTuple):
 NOTHING = _OnPlane(np.zeros(0, dtype=np.uint8), 1, 0, 0.0, 0.0, 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always", _nrt=False)
+@njit(cache=True, error_model="numpy", forceinline=True, _nrt=False, no_cfunc_wrapper=True)
 def _on(place, points, n, t, directions):
     """Column, row and whether they lie on a picture, of where ray n meets the plane; in elements from the left and the top."""
     column = (place.x_max - points[n, 0] - t * directions[n, 0]) * place.per_mm - 0.5  # the left is at the largest X
@@ -120,7 +120,7 @@ def _on(place, points, n, t, directions):
     return column, row, place.rows > 0 and -0.5 <= column <= place.columns - 0.5 and -0.5 <= row <= place.rows - 0.5
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always", _nrt=False)
+@njit(cache=True, error_model="numpy", forceinline=True, _nrt=False, no_cfunc_wrapper=True)
 def _between(place, column, row):
     """The colour at a place between elements of a picture, linear between the nearest four."""
     picture, columns, rows = place.picture, place.columns, place.rows
@@ -139,7 +139,7 @@ def _between(place, column, row):
             + beneath * picture[m + below + 2] + corner * picture[m + below + right + 2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+@njit(cache=True, nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)
 def _add_colours(status, points, directions, z, inner, outer, background, beside, sums, samples):
     for pixel in range(sums.shape[0]):
         red = green = blue = 0.0

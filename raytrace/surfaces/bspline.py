@@ -27,6 +27,7 @@ from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_ins
 from raytrace.surfaces.cut import inboard_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
+from raytrace.surfaces.leaving import leaves_above
 from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.polynomials import height_field_of, is_graph, patches_of
 from raytrace.surfaces.trimming import Trimming
@@ -167,6 +168,8 @@ class BSplineFace(BoundedFace):
         field, strips = self.height_field, self.trimming.strips
         if field is not None:
             run_kernel(partial(height_field.hits, field, strips), rays, out, self.sorting_grid)
+            for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
+                out.status[part[leaves_above(field, self.surface, some)]] = Status.MISSED
         elif len(self.patches.sheet):
             run_kernel(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
         else:
@@ -374,8 +377,9 @@ def run_kernel(kernel: Callable[[Array, Array, Results], None], rays: Rays, out:
         o, d, found = origins if origins.size == 3 else origins[3 * i:3 * j], directions[3 * i:3 * j], results.of_rays(i, j)
         if grid is not None and j - i >= order.LEAST:
             room = order.room(j - i)
-            if order.gathered(grid, o, d, room):
+            if order.scattered(grid, o, d, room.places):
                 n = j - i
+                order.gather(grid, o, d, room)
                 kernel(o if o.size == 3 else room.origins[:3 * n], room.directions[:3 * n], room.results.of_rays(0, n))
                 order.put_back(room, n, found)
                 return

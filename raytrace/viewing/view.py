@@ -89,6 +89,9 @@ class View:
             object.__setattr__(self, "eye", self.pose.to_vehicle(eye_position(EYE_DISTANCE_MM, "right", self.box)))
         else:
             object.__setattr__(self, "eye", np.asarray(self.eye, dtype=np.float64))
+        sheet = self.reflector.surface.sheet
+        if sheet is not None and self.eye_in_mirror[2] > max(sheet.field.top, 0.0) + EYE_CLEARANCE:
+            return  # above all of the sheet, and so above what was cut from it, whose rim need not be worked out
         highest = float(self.reflector.bounds[1][2])
         if not self.eye_in_mirror[2] > max(highest, 0.0) + EYE_CLEARANCE:
             x, y, z = self.eye_in_mirror
