@@ -34,6 +34,7 @@ from raytrace.kernels.blocks import (
     RZ,
     ZX,
     ZY,
+    K,
     P,
     Results,
     T,
@@ -59,6 +60,11 @@ from raytrace.kernels.trimming import Strips, in_interior, inside
 Array = NDArray[np.float64]
 
 PARTS = 3  # coordinates of a front: a rational one goes stage by stage
+# Where a ray passes the sheets, in rows that only a fourth coordinate would need: (u, v) where it comes in, (x, y) where it is
+# turned, (u, v) where it leaves.
+IN_U, IN_V, TURN_X, TURN_Y, OUT_U, OUT_V = (first + BLOCK * k for first in (P, K) for k in range(3 * PARTS, 3 * PARTS + 3))
+PASSED = 6  # numbers of a ray
+NOWHERE: Array = np.empty(0)  # for rays of which that is not asked
 
 
 class Sheets(NamedTuple):
@@ -241,11 +247,35 @@ def _arrived(sheet, w):
     return good
 
 
+@compiled(_nrt=False)
+def _passed(state, first, second, first_to, second_to, w):
+    """Note where rays that go on pass a sheet."""
+    for m in range(BLOCK):
+        if state[m] == HIT:
+            w[first_to + m], w[second_to + m] = w[first + m], w[second + m]
+
+
+@compiled(_nrt=False)
+def _came_in(state, w):
+    """Note where rays come in, also a little beyond the front's domain, where its polynomials go on: they are LOST there."""
+    for m in range(BLOCK):
+        if state[m] == HIT and w[LAST + m] <= ACCEPTED * w[LIMIT_P + m] and w[T + m] > NEAREST_MM:
+            w[IN_U + m], w[IN_V + m] = w[U + m], w[V + m]
+
+
+@compiled(_nrt=False)
+def _store_passed(w, start, count, passed):
+    for m in range(count):
+        n = PASSED * (start + m)
+        passed[n], passed[n + 1], passed[n + 2], passed[n + 3] = w[IN_U + m], w[IN_V + m], w[TURN_X + m], w[TURN_Y + m]
+        passed[n + 4], passed[n + 5] = w[OUT_U + m], w[OUT_V + m]
+
+
 @cache
 def _kernel(powers):
     """The kernel for sheets of `powers` = degree + 1 both ways."""
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-    def hits(w, state, sheets, origins, directions, results):
+    def hits(w, state, sheets, origins, directions, results, passed):
         front, back = sheets.front, sheets.back
         n_rays = directions.size // 3
         for m in range(BLOCK):
@@ -257,6 +287,9 @@ def _kernel(powers):
                 state[m] = HIT
             if degenerate > 0:
                 fix_degenerate_rays(directions, start, count, w, state)
+            if passed.size > 0:
+                for m in range(BLOCK):
+                    w[IN_U + m] = w[IN_V + m] = w[TURN_X + m] = w[TURN_Y + m] = w[OUT_U + m] = w[OUT_V + m] = np.nan
             whole = degenerate == 0 and count == BLOCK
             for leaving in range(2):  # in one loop, so that the front's polynomials are compiled once
                 centred(front, w)
@@ -280,11 +313,15 @@ def _kernel(powers):
                     whole = whole and within and arrived == BLOCK and total == 0
                     if not whole:
                         _left(sheets, state, w)
+                    if passed.size > 0:
+                        _passed(state, U, V, OUT_U, OUT_V, w)
                     for m in range(BLOCK):
                         w[NX + m], w[NY + m], w[NZ + m] = w[BACK_X + m], w[BACK_Y + m], w[BACK_Z + m]
                     break
                 for m in range(BLOCK):
                     w[ENTRY + m] = w[T + m]
+                if passed.size > 0:
+                    _came_in(state, w)
                 if not (whole and good == BLOCK and within):
                     whole = False
                     _entered(sheets, state, w)
@@ -298,8 +335,12 @@ def _kernel(powers):
                                                    sheets.back_strips.inverse_height, x_low, x_high, y_low, y_high):
                     whole = False
                     _turned(sheets, state, w)
+                    if passed.size > 0:
+                        _passed(state, X, Y, TURN_X, TURN_Y, w)
                     if not _doubled(state, w):
                         break
+                elif passed.size > 0:
+                    _passed(state, X, Y, TURN_X, TURN_Y, w)
                 _go_up(w)
             for m in range(BLOCK):
                 w[T + m] = w[ENTRY + m]
@@ -307,11 +348,13 @@ def _kernel(powers):
                 store_all(w, start, results)
             else:
                 store(w, state, start, count, results)
+            if passed.size > 0:
+                _store_passed(w, start, count, passed)
 
     return hits
 
 
-def hits(sheets: Sheets, origins: Array, directions: Array, results: Results) -> None:
+def hits(sheets: Sheets, origins: Array, directions: Array, results: Results, passed: Array = NOWHERE) -> None:
     """Trace rays into a plate by its front, to its reflecting back, and out by the front.
 
     Newton on each sheet: on the front as `raytrace.kernels.parametric` has it, on the back from as far along the normal as it
@@ -325,6 +368,8 @@ def hits(sheets: Sheets, origins: Array, directions: Array, results: Results) ->
     sheets : of the plate.
     origins, directions : (3,) or (3n,), mm, and (3n,), of any length, flat.
     results : of the n rays.
+    passed : (6n,), for (u, v) where each ray comes in, (x, y) where the back turns it, and (u, v) where it leaves; NaN from
+        where on its way ends. Empty where that is not asked.
     """
     rows, state, _ = work()
-    _kernel(sheets.front.cells.powers)(rows, state, sheets, origins, directions, results)
+    _kernel(sheets.front.cells.powers)(rows, state, sheets, origins, directions, results, passed)

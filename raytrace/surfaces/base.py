@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirror_cad.mesh import SurfaceMesh
 from raytrace.errors import TraceError
+from raytrace.kernels.plate_edge import Plate
 from raytrace.kernels.sheet import Sheet
 from raytrace.rays import Mask, NormalsFrom, Rays, Trace
 from raytrace.surfaces.area_samples import AreaSamples
@@ -184,6 +185,11 @@ class OpticalSurface(ABC):
     @property
     def sheet(self) -> Sheet | None:
         """Itself as one sheet z(x, y) of which rays of an eye are found without a search; None for what is none."""
+        return None
+
+    @property
+    def plate(self) -> Plate | None:
+        """Itself as a plate of glass, of whose rays it is told where they pass its sheets; None for what is none."""
         return None
 
     def is_above(self, points: Array, margin_mm: float) -> bool:

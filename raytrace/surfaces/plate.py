@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
-from raytrace.kernels import glass
+from raytrace.kernels import glass, plate_edge
 from raytrace.kernels.glass import Sheets
 from raytrace.kernels.order import SortingGrid
 from raytrace.rays import Index, Mask, Rays, Status, Trace
@@ -26,6 +26,7 @@ Flags = NDArray[np.bool_]
 # Rays inside the glass that are taken face by face are started this far before the face they leave, as a share of the back's
 # size: what they meet lies behind the start, however thin the glass and whatever rounding does.
 RUN_UP = 0.01
+BESIDE_MM = 0.1  # beside the front's outline, which is known by points: nothing of the front is there
 MAX_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
 # The path is found when a step moves its place on the front by less: rounding of coordinates of some 100 mm.
 STEP_MM = 1e-11
@@ -114,6 +115,19 @@ class Plate(OpticalSurface):
         return Sheets(front.patches, front.trimming.strips, front.sign, front.one_sided, back.height_field,
                       back.trimming.strips, self.index)
 
+    @cached_property
+    def plate(self) -> plate_edge.Plate | None:  # type: ignore[override]  # worked out once
+        """Itself, where one kernel takes it."""
+        front, sheets, whole = self.front, self._sheets, self.untrimmed()._sheets
+        if sheets is None or whole is None or not isinstance(front, BSplineFace):
+            return None
+        outline, heights = front.outline(), front.surface.poles[..., 2]  # a B-spline lies between its poles
+        bounds = np.stack([outline.min(axis=0), outline.max(axis=0)]) + np.array([[-BESIDE_MM], [BESIDE_MM]])
+        bounds[:, 2] = heights.min(), heights.max()
+        reach = np.array([[edges[:, 0].min(), edges[:, 0].max(), edges[:, 1].min(), edges[:, 1].max()]
+                          for edges in (sheets.front_strips.edges, sheets.back_strips.edges)])  # loops: each end is a start
+        return plate_edge.Plate(sheets, whole, reach, bounds)
+
     @property
     def _grid(self) -> SortingGrid | None:
         """Where rays go on the back."""
@@ -175,8 +189,9 @@ class Plate(OpticalSurface):
         return self.back.domain
 
     def is_above(self, points: Array, margin_mm: float) -> bool:
-        """By the back."""
-        return self.back.is_above(points, margin_mm)
+        """By the front, which rays from before it reach first: known where they meet that only once."""
+        x, y, z = points.T
+        return self._sheets is not None and bool((z <= self.front.points_over(x, y)[:, 2] + margin_mm).all())
 
     def untrimmed(self) -> Plate:
         """The whole of both sheets."""

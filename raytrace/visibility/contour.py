@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels.plate_edge import ASK, FOUND, SEEN, UNKNOWN, Plate
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
-from raytrace.visibility.shows import shows
+from raytrace.visibility.plate_edge import last_seen, seen_on_grid
+from raytrace.visibility.shows import RIM, shows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -16,6 +18,7 @@ GRID_SHAPE = (113, 149)  # points across and up, where the edge is not known and
 BESIDE = 0.1  # of the width and height of what is known of the outline: where it bulges
 REFINED = 1  # times: each halves the distance
 SPLIT, ROUNDS = 4, 14  # parts of their distance, one of which is left each time: 2e-8 mm in the end
+SETTLED = float(SPLIT) ** -ROUNDS  # of their distance
 
 
 def grid_over(view: View) -> Array:
@@ -49,11 +52,11 @@ def visibility_contour(view: View) -> Edge:
         Joined by parabolas through points half way between its vertices.
     """
     grid = grid_over(view)
-    seen = shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    seen = _seen_on(view, grid)
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
     sides, following = _border(seen)
     nodes = grid.reshape(-1, 2)
-    on_plane = bisect_visibility(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
+    on_plane, _ = ends_of_sight(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
     for _ in range(REFINED):
         middles = _middles(view, on_plane, following)
         on_plane, following = (np.concatenate([on_plane, middles]),
@@ -72,14 +75,32 @@ def visibility_contour(view: View) -> Edge:
     return Edge(view, asked, beyond, False, on_plane, traced.points, traced.directions, following, at_share)
 
 
+def _seen_on(view: View, grid: Array) -> Mask:
+    """Which points of a grid (m, n, 2) show a reflection."""
+    plate = _plate(view)
+    if plate is None:
+        return shows(view, grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    found = seen_on_grid(plate, view.eye_in_mirror, grid, RIM)
+    seen: Mask = found == SEEN
+    lost = found == ASK
+    if lost.any():
+        seen[lost] = shows(view, grid[lost])
+    return seen
+
+
+def _plate(view: View) -> Plate | None:
+    """A plate that nothing stands before, as kernels follow rays through it; None for what is none."""
+    reflector = view.reflector
+    return reflector.surface.plate if reflector.obstacles is None or reflector.obstacles_behind else None
+
+
 def _middles(view: View, on_plane: Array, following: Index) -> Array:
     """Points of the edge half way from each to the next, inside lying to the left; on the chord where they are not found."""
     along = on_plane[following] - on_plane
     left = np.stack([-along[:, 1], along[:, 0]], axis=1)
     middles = on_plane + 0.5 * along
-    k = np.flatnonzero(shows(view, middles + left) & ~shows(view, middles - left))
-    middles[k] = bisect_visibility(view, middles[k] + left[k], middles[k] - left[k])
-    return middles
+    found, known = ends_of_sight(view, middles + left, middles - left)
+    return np.where(known[:, None], found, middles)
 
 
 def _border(seen: Mask) -> tuple[Index, Index]:
@@ -106,6 +127,30 @@ def _border(seen: Mask) -> tuple[Index, Index]:
     return start, order[np.searchsorted(name[order], wanted)]
 
 
+def ends_of_sight(view: View, starts: Array, ends: Array) -> tuple[Array, Mask]:
+    """Find the last points that are seen on straight ways over the picture plane.
+
+    Parameters
+    ----------
+    view : the mirror as the eye sees it.
+    starts, ends : (m, 2), mm.
+
+    Returns
+    -------
+    points : (m, 2), mm, to SETTLED of the way.
+    found : (m,), which of them: not where the start of the way is not seen, or its end is.
+    """
+    found, points = np.zeros(len(starts), dtype=np.bool_), starts.copy()
+    left, plate = np.arange(len(starts)), _plate(view)
+    if plate is not None:
+        points, outcome = last_seen(plate, view.eye_in_mirror, starts, ends, RIM, SETTLED)
+        found, left = outcome == FOUND, np.flatnonzero(outcome == UNKNOWN)
+    if left.size:
+        left = left[shows(view, starts[left]) & ~shows(view, ends[left])]
+        points[left], found[left] = bisect_visibility(view, starts[left], ends[left]), True
+    return points, found
+
+
 def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
     """Find the last points that are seen on the way from points that are to others that are not.
 
@@ -116,7 +161,7 @@ def bisect_visibility(view: View, inside: Array, outside: Array) -> Array:
 
     Returns
     -------
-    (m, 2), mm, to 4e-9 of the way.
+    (m, 2), mm, to SETTLED of the way.
     """
     share = (np.arange(SPLIT + 1) / SPLIT)[:, None]
     row = np.arange(len(inside))
