@@ -40,7 +40,16 @@ NOTHING_STATED = StatedProperties()
 class RuleQuantities:
     """What a rule asks of one mirror.
 
-    seen : None for a mirror on no vehicle.
+    Attributes
+    ----------
+    rule
+        Which asks.
+    readings
+        Of the spherometer, with the shape that it stands on.
+    seen
+        What the driver sees; None for a mirror on no vehicle.
+    stated
+        What the shape does not tell.
     """
 
     rule: RuleFile
@@ -85,7 +94,13 @@ class RuleQuantities:
 
     @property
     def on_vehicle(self) -> MountedViews:
-        """What the mirror shows on its vehicle. Raises: ValueError where it is on none."""
+        """What the mirror shows on its vehicle.
+
+        Raises
+        ------
+        ValueError
+            Where it is on none.
+        """
         if self.seen is None:
             raise ValueError("this quantity is one of a mirror on a vehicle")
         return self.seen

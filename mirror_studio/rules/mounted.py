@@ -41,8 +41,14 @@ class Mounted:
 class MountedViews:
     """What a mirror on a vehicle shows two eyes.
 
-    eye_separation_mm : as the rule has it.
-    Raises: TraceError for a mirror that an eye does not see.
+    Attributes
+    ----------
+    shape
+        What is looked into.
+    mounted
+        Where it is, and who looks.
+    eye_separation_mm
+        As the rule has it.
     """
 
     shape: MirrorShape
@@ -56,7 +62,13 @@ class MountedViews:
 
     @cached_property
     def views(self) -> EyeViews:
-        """Seen by both eyes, as far apart as the rule has them. Raises: TraceError for an eye that the mirror does not face."""
+        """Seen by both eyes, as far apart as the rule has them.
+
+        Raises
+        ------
+        TraceError
+            For an eye that the mirror does not face.
+        """
         there = self.mounted
         return EyeViews.of(self.shape.reflector, there.pose, Eyes(there.eyes.middle, self.eye_separation_mm))
 

@@ -33,9 +33,24 @@ MIN_LEG_MM, LONGEST_LEG_MM = 1.0, 300.0
 
 @dataclass(frozen=True, slots=True)
 class RuleRequest:
-    """What one sheet is of: a mirror's name or file, a rule's, a class of it, a scene, the spherometer's feet, and what is
-    known of the mirror beside its shape. Without a class the one that the rule's file has first in mind; without a scene no
-    fields. adjust_deg : within which a setting is looked for that shows most; without it the scene's own counts.
+    """What one sheet is of.
+
+    Attributes
+    ----------
+    mirror, rule
+        Name or file of each.
+    class_name
+        Of the rule; None for the one that its file has first in mind.
+    vehicle
+        Name or file of a scene; without one no fields are measured.
+    leg_mm
+        Between the spherometer's outer feet; None for what specification or rule have.
+    place
+        Where the mirror is in its file.
+    stated
+        What is known of the mirror beside its shape.
+    adjust_deg
+        Within which a setting is looked for that shows most; without it the scene's own counts.
     """
 
     mirror: str
@@ -52,7 +67,10 @@ def rules(asked: RuleRequest, out: Path, progress: Progress, pdf: bool = False) 
     """Write rules.json, rules.csv and rules.html into `out`, which is replaced as a whole; returns what rules.json holds, and
     the lines that are missed, in words.
 
-    Raises: MirrorError, with nothing written.
+    Raises
+    ------
+    MirrorError
+        With nothing written.
     """
     rule = load_rule(asked.rule)
     class_name = rule.class_named(asked.class_name)
@@ -100,7 +118,13 @@ def rules(asked: RuleRequest, out: Path, progress: Progress, pdf: bool = False) 
 
 
 def scene_with_eyes(name_or_path: str) -> SceneFile:
-    """A scene that says where the driver's eyes are. Raises: SpecError for one that leaves it to defaults."""
+    """A scene that says where the driver's eyes are.
+
+    Raises
+    ------
+    SpecError
+        For one that leaves it to defaults.
+    """
     scene = load_scene(name_or_path)
     if "middle_m" not in scene.eyes.model_fields_set:
         raise SpecError(f"--vehicle {name_or_path}: the scene has no ocular points: put [eyes] with middle_m = [X, Y, Z] into "
@@ -131,7 +155,13 @@ def measured_mirror(asked: RuleRequest, rule: RuleFile, scene: SceneFile | None)
 
 
 def body_of(scene: SceneFile) -> VehicleBody:
-    """What of the scene's vehicle hides. Raises: SpecError for a piece that is not flat."""
+    """What of the scene's vehicle hides.
+
+    Raises
+    ------
+    SpecError
+        For a piece that is not flat.
+    """
     own = scene.own_vehicle
     opaque, windows = (tuple(Piece(each.name, 1e3 * np.array(each.corners_m)) for each in pieces)
                        for pieces in (own.opaque, own.window))

@@ -189,7 +189,13 @@ class RuleFile(Section):
         return tuple(line for line in self.line if not line.classes or name in line.classes)
 
     def class_named(self, name: str | None) -> str:
-        """The class of that name, or the one that is meant without one. Raises: SpecError for a class that the rule has not."""
+        """The class of that name, or the one that is meant without one.
+
+        Raises
+        ------
+        SpecError
+            For a class that the rule has not.
+        """
         if name is None:
             return self.default_class
         if name not in self.classes:

@@ -129,7 +129,13 @@ def adjusted(m: RuleQuantities, class_name: str, within_deg: float) -> tuple[Rul
 
 
 def check_adjustment(within_deg: float, on_vehicle: bool) -> None:
-    """Raises: SpecError for a range that is none, and for a mirror on no vehicle."""
+    """Refuse an adjustment that there cannot be.
+
+    Raises
+    ------
+    SpecError
+        For a range that is none, and for a mirror on no vehicle.
+    """
     if not 0.0 < within_deg <= MAX_DEG:
         raise SpecError(f"--adjust-deg {within_deg:g}: must be above 0 and at most {MAX_DEG:g}")
     if not on_vehicle:

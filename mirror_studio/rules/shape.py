@@ -27,8 +27,12 @@ REFLECTANCE_DEG = 25.0  # of incidence, at which the rules have reflectances mea
 class MirrorShape:
     """The visible surface of a mirror, or of the main part of one.
 
-    transition_mm : x of the upright line beyond which, outboard, the aspheric part lies; None where it is not known.
-    Raises: SpecError for a face with holes.
+    Attributes
+    ----------
+    reflector
+        In mirror coordinates.
+    transition_mm
+        x of the upright line beyond which, outboard, the aspheric part lies; None where it is not known.
     """
 
     reflector: Reflector
@@ -76,7 +80,13 @@ class MirrorShape:
 
     @cached_property
     def outline(self) -> Array:
-        """The polygon (n, 2) that bounds the visible surface, mm."""
+        """The polygon (n, 2) that bounds the visible surface, mm.
+
+        Raises
+        ------
+        SpecError
+            For a face with holes.
+        """
         return sizes.outline_of(self.reflector)
 
     @cached_property
@@ -114,7 +124,13 @@ class MirrorShape:
 
     @property
     def front_percent(self) -> float:
-        """What the front of the glass reflects by itself at REFLECTANCE_DEG, percent. Raises: TraceError without glass."""
+        """What the front of the glass reflects by itself at REFLECTANCE_DEG, percent.
+
+        Raises
+        ------
+        TraceError
+            Without glass.
+        """
         return 100.0 * float(reflectance(np.cos(np.radians([REFLECTANCE_DEG])), self.reflector.surface.glass.index)[0])
 
     # --- sizes --------------------------------------------------------------------------------------------------------

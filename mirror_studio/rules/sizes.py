@@ -53,7 +53,11 @@ def outline_of(reflector: Reflector) -> Array:
 
     The rim of a face, to the chords of its loops; of what has no rim, a mesh or several faces, the edge that an eye sees from
     far away along z.
-    Raises: SpecError for a face with holes, or in parts.
+
+    Raises
+    ------
+    SpecError
+        For a face with holes, or in parts.
     """
     curves = [curve.points[:, :2] for curve in reflector.surface.uncoated().rim]
     if not curves:

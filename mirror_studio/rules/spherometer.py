@@ -105,7 +105,10 @@ def reading_error(radius_mm: float, chord_mm: float, dial_mm: float = DIAL_MM) -
 def stands_at(surface: OpticalSurface, places: Array, axis: Array) -> Stands:
     """Stands at places (n, 2) in (x, y) of a surface, with the feet along the curve whose plane holds z and an axis of (x, y).
 
-    Raises: ReadingError where there is no surface.
+    Raises
+    ------
+    ReadingError
+        Where there is no surface.
     """
     down = np.tile([0.0, 0.0, -1.0], (len(places), 1))
     points = surface.points_over(places[:, 0].copy(), places[:, 1].copy())
@@ -132,7 +135,10 @@ def turned(stands: Stands, angle: float = 0.5 * np.pi) -> Stands:
 def read_surface(surface: OpticalSurface, stands: Stands, leg_mm: float) -> Array:
     """Compute what the spherometer reads on a surface itself, by rays along the normals at the dial; radii (n,), mm.
 
-    Raises: ReadingError where a foot stands beside the surface.
+    Raises
+    ------
+    ReadingError
+        Where a foot stands beside the surface.
     """
     found = readings_where_it_stands(surface, stands, leg_mm)
     if np.isnan(found).any():
