@@ -109,7 +109,7 @@ def test_whole_and_upper_half_give_the_same_surface(monkeypatch: pytest.MonkeyPa
     """A mirror symmetric in y is solved on its upper half alone."""
     spec = mirror_cad.load_spec("progressive-b")
     half = faithful(spec, degree=5, spans=(6, 4))
-    monkeypatch.setattr("mirror_cad.surfaces.faithful._mirrored", lambda y: False)
+    monkeypatch.setattr("mirror_cad.surfaces.faithful._symmetric", lambda y: False)
     whole = faithful(spec, degree=5, spans=(6, 4))
     assert half.faithful is not None
     assert whole.faithful is not None
