@@ -15,6 +15,7 @@ import pytest
 
 import mirror_cad
 from mirror_cad.occt.kernel import SERIES, check_kernel_for_cadquery
+from mirror_studio.cli import run
 from raytrace.embree import TriangleScene
 from tests.conftest import designed
 
@@ -90,3 +91,9 @@ def test_both_locks_hold_the_same_versions() -> None:
 
 def _locked(text: str, name: str) -> str:
     return re.search(rf"^{re.escape(name)}==(\S+)", text, re.M).group(1)
+
+
+def test_the_command_says_the_version_of_what_is_installed(capsys: pytest.CaptureFixture[str]) -> None:
+    stated = tomllib.loads((HOME / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == stated

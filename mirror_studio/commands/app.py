@@ -14,8 +14,16 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, MISSED = 0, 1, 2, 3
 
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("mirror-cad")
+
+
 app = App(
     name="mirror-cad",
+    version=_version,
     help="Design freeform mirrors on a CAD kernel and see, before anything is made, what they show.",
     version_flags=["--version"],
     suppress_keyboard_interrupt=False,
