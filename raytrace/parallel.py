@@ -36,6 +36,11 @@ def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done:
     done : called with the number of rays that are done, from the caller's thread. What it or a run raises is raised here,
     after the runs that have begun: those that have not are dropped.
     """
+    if 0 < n <= MIN_RUN:  # one run, whatever else there is
+        work(0, n)
+        if done is not None:
+            done(n)
+        return
     in_run = getattr(_thread, "in_run", False)
     size = run_size(n, run, 1 if in_run else SHARES)
     starts = range(0, n, size)

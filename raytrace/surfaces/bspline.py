@@ -174,7 +174,7 @@ class BSplineFace(BoundedFace):
             run_kernel(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
         else:
             out.status[:] = LOST
-        for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
+        for part, some in rays.in_parts(out.rows_of(Status.LOST)):
             out.scatter(part, self._search(some))
 
     def _search(self, rays: Rays) -> Trace:

@@ -99,7 +99,7 @@ class Plate(OpticalSurface):
             self.face_by_face(rays, out)
             return
         run_kernel(partial(glass.hits, sheets), rays, out, self._grid)
-        for part, some in rays.in_parts(np.flatnonzero(out.status == Status.LOST)):
+        for part, some in rays.in_parts(out.rows_of(Status.LOST)):
             found = Trace.empty(len(some))
             self.face_by_face(some, found)
             out.scatter(part, found)
