@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.compiled import compiled
+from raytrace.kernels.lanes import RAYS, load_three, store_three
 from raytrace.kernels.outcomes import BEHIND, HIT, INVALID
 
 Array = NDArray[np.float64]
@@ -27,6 +28,8 @@ OX, OY, OZ, DX, DY, DZ, T, X, Y, Z, ZX, ZY, LIMIT, MISS, V0, V1, V2, NX, NY, NZ,
 # homogeneous coordinates, each kept (K) and as last evaluated (P).
 AX, AY, AZ, BX, BY, BZ, U, V, LAST, LIMIT_P = (BLOCK * k for k in range(23, 33))
 P, K = BLOCK * 33, BLOCK * 45
+# Newton on a sheet has there the last step, and how high above the sheet and over what slopes it began.
+STEP, ABOVE, WAS_ZX, WAS_ZY = AX, AY, AZ, BX
 # And for a plate of glass: the way to its front, where its back turns the ray, the share along the normal in which the ray goes
 # down, and how far the back was along the normal for the lane's last ray.
 ENTRY, BACK_X, BACK_Y, BACK_Z, DOWN, GAP = (BLOCK * k for k in range(57, 63))
@@ -136,8 +139,8 @@ def load(origins, directions, start, count, w):
     """
     k = at(3 * start)
     if count == BLOCK:
-        for m in range(BLOCK):
-            w[DX + m], w[DY + m], w[DZ + m] = directions[k + 3 * m], directions[k + 3 * m + 1], directions[k + 3 * m + 2]
+        for m in range(0, BLOCK, RAYS):
+            load_three(directions, k + 3 * m, w, DX + m, DY + m, DZ + m)
     else:
         for m in range(BLOCK):
             n = at(k + 3 * min(m, count - 1))
@@ -145,6 +148,9 @@ def load(origins, directions, start, count, w):
     if origins.size == 3:
         for m in range(BLOCK):
             w[OX + m], w[OY + m], w[OZ + m] = origins[0], origins[1], origins[2]
+    elif count == BLOCK:
+        for m in range(0, BLOCK, RAYS):
+            load_three(origins, k + 3 * m, w, OX + m, OY + m, OZ + m)
     else:
         for m in range(BLOCK):
             n = at(k + 3 * min(m, count - 1))
@@ -193,12 +199,10 @@ def store_all(w, start, results):
     """A block of which every ray hits."""
     status, points, normals, reflected, distances = results
     k, n = at(3 * start), at(start)
-    for m in range(BLOCK):
-        points[k + 3 * m], points[k + 3 * m + 1], points[k + 3 * m + 2] = w[X + m], w[Y + m], w[Z + m]
-    for m in range(BLOCK):
-        normals[k + 3 * m], normals[k + 3 * m + 1], normals[k + 3 * m + 2] = w[NX + m], w[NY + m], w[NZ + m]
-    for m in range(BLOCK):
-        reflected[k + 3 * m], reflected[k + 3 * m + 1], reflected[k + 3 * m + 2] = w[RX + m], w[RY + m], w[RZ + m]
+    for m in range(0, BLOCK, RAYS):
+        store_three(points, k + 3 * m, w, X + m, Y + m, Z + m)
+        store_three(normals, k + 3 * m, w, NX + m, NY + m, NZ + m)
+        store_three(reflected, k + 3 * m, w, RX + m, RY + m, RZ + m)
     for m in range(BLOCK):
         distances[n + m] = w[T + m]
         status[n + m] = HIT

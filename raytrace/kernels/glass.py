@@ -52,7 +52,8 @@ from raytrace.kernels.blocks import (
     work,
 )
 from raytrace.kernels.compiled import compiled
-from raytrace.kernels.height_field import SHALLOWEST, HeightField, begin_newton, heights, newton_step
+from raytrace.kernels.height_field import SHALLOWEST, HeightField, heights
+from raytrace.kernels.newton import begin_newton, newton_step
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, BLOCKED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
 from raytrace.kernels.parametric import Patches, across, centred, from_plane, kept_near, met, refined, residuals, stepped
 from raytrace.kernels.trimming import Strips, in_interior, inside
@@ -151,12 +152,14 @@ def _to_back(powers, back, w):
     Returns how many meet it.
     """
     begin_newton(w)
+    was_on_sheet = False
     for _ in range(MAX_STEPS):
         for m in range(BLOCK):
             w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
-        heights(powers, back.cells, w)
-        if newton_step(w) == 0:
+        on_sheet = heights(powers, back.cells, w)
+        if newton_step(back, was_on_sheet and on_sheet, w) == 0:
             break
+        was_on_sheet = on_sheet
     good = 0
     for m in range(BLOCK):
         w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]

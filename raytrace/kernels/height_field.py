@@ -43,12 +43,14 @@ from raytrace.kernels.blocks import (
 from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner, taylor
 from raytrace.kernels.compiled import compiled
 from raytrace.kernels.lanes import RAYS, horner_apart, pitch
-from raytrace.kernels.outcomes import ACCEPTED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
+from raytrace.kernels.newton import begin_newton, newton_step
+from raytrace.kernels.outcomes import ACCEPTED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
 from raytrace.kernels.trimming import Strips, in_interior, inside
 
 Array = NDArray[np.float64]
 
 TOGETHER = 0.1  # of the sheet: rays that lie as near to each other begin better at a paraboloid than at the plane above
+KEPT_STEPS = 2  # of Newton's from a paraboloid: where it takes more, the next block gets a paraboloid of its own
 SHALLOWEST = 0.05  # −d_z below which the plane above the sheet is no good place to start from
 
 
@@ -61,6 +63,7 @@ class HeightField(NamedTuple):
     top, bottom : above and below all of it, mm.
     steepest : a ray meets the sheet once only where d_z² > steepest·(d_x² + d_y²): the square of its largest slope.
     bend : bound on the second derivative in any direction, 1/mm.
+    twist : bound on what a step of 1 mm changes of the second derivatives, 1/mm²; inf where they jump.
     """
 
     cells: Cells
@@ -68,6 +71,7 @@ class HeightField(NamedTuple):
     steepest: float
     bottom: float
     bend: float
+    twist: float
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -128,13 +132,17 @@ def _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w):
 
 @compiled(fastmath={"contract"}, inline="always")
 def heights(powers, cells, w):
-    """z, z_x, z_y at (X, Y) into the rows Z, ZX, ZY, for a block of rays that need not lie in one cell."""
+    """z, z_x, z_y at (X, Y) into the rows Z, ZX, ZY, for a block of rays that need not lie in one cell.
+
+    Returns whether all of them lie on the sheet, and not beyond its rectangle.
+    """
     ends_x, ends_y = cells.ends_u, cells.ends_v
     x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
     x_low, x_high, y_low, y_high = box(w, X, Y)
     i_low, j_low = cell_at(cells, clamp(x_low, x_min, x_max), clamp(y_low, y_min, y_max))
     i_high, j_high = cell_at(cells, clamp(x_high, x_min, x_max), clamp(y_high, y_min, y_max))
     _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
+    return x_low >= x_min and x_high <= x_max and y_low >= y_min and y_high <= y_max
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -175,34 +183,6 @@ def _from_above(top, w):
         w[X + m], w[Y + m] = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m]
 
 
-@compiled(fastmath={"contract"}, inline="always")
-def begin_newton(w):
-    """What a residual height has to be below, squared, for rays at T; nothing has been missed yet."""
-    for m in range(BLOCK):
-        limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
-        w[LIMIT + m] = limit * limit
-        w[MISS + m] = np.inf
-
-
-@compiled(fastmath={"contract"}, inline="always")
-def newton_step(w):
-    """Move T to where the rays meet the tangent planes at (X, Y); MISS is the square of their height above the sheet there.
-
-    Returns how many are not settled: not below the limit, nor below what is accepted and no longer halved.
-    """
-    moving = 0
-    for m in range(BLOCK):
-        above = w[OZ + m] + w[T + m] * w[DZ + m] - w[Z + m]
-        w[T + m] -= above / (w[DZ + m] - w[ZX + m] * w[DX + m] - w[ZY + m] * w[DY + m])
-        # Squares: of the height, of the limit, and of the height over the distance from the tangent plane.
-        miss = above * above
-        limit = w[LIMIT + m] * (1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m])
-        # Not "larger than": a NaN moves on, too.
-        moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])))
-        w[MISS + m] = miss
-    return moving
-
-
 def _kernel(powers):
     """The kernel for `powers` = degree + 1 in both directions."""
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
@@ -213,7 +193,7 @@ def _kernel(powers):
         last_x, last_y = ends_x.size - 3, ends_y.size - 3
         x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
         near_x, near_y = TOGETHER * (x_max - x_min), TOGETHER * (y_max - y_min)
-        warm = False
+        warm = stale = False
         cell = 0  # the last one that held a whole block, and its ends
         cell_left, cell_right, cell_bottom, cell_top = np.inf, -np.inf, np.inf, -np.inf
         for start in range(0, n_rays, BLOCK):
@@ -238,7 +218,9 @@ def _kernel(powers):
             # In a picture the block before is the best place to begin; else the plane above the sheet.
             for _ in range(2):
                 if warm:
-                    _osculate(powers, cells, w, q)
+                    if stale:
+                        _osculate(powers, cells, w, q)
+                        stale = False
                     _from_paraboloid(w, q)
                 else:
                     _from_above(field.top, w)
@@ -248,10 +230,12 @@ def _kernel(powers):
                     break
                 if together:
                     taylor(powers, cells, w[X + BLOCK // 2], w[Y + BLOCK // 2], q)
-                    _osculate(powers, cells, w, q)
+                    stale = True
                 warm = together
             begin_newton(w)
-            for _ in range(MAX_STEPS):
+            was_on_sheet = False
+            for step in range(MAX_STEPS):
+                stale = step >= KEPT_STEPS
                 for m in range(BLOCK):
                     w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
                 x_low, x_high, y_low, y_high = box(w, X, Y)
@@ -270,8 +254,10 @@ def _kernel(powers):
                         cell_bottom = ends_y[j_low] if j_low > 0 else -np.inf
                         cell_top = ends_y[j_low + 1] if j_low < last_y else np.inf
                 _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
-                if newton_step(w) == 0:
+                on_sheet = x_low >= x_min and x_high <= x_max and y_low >= y_min and y_high <= y_max
+                if newton_step(field, was_on_sheet and on_sheet, w) == 0:
                     break
+                was_on_sheet = on_sheet
             good = 0
             for m in range(BLOCK):
                 w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
@@ -311,8 +297,8 @@ def hits(field: HeightField, strips: Strips, origins: Array, directions: Array, 
     """Trace rays to a height field by Newton on f(t) = o_z + t·d_z − z(o_x + t·d_x, o_y + t·d_y), BLOCK rays at once.
 
     It starts from the plane above the sheet or, for rays that lie together, from the paraboloid that osculates the sheet
-    between them. A step is the last where |f|·n_z, the distance from the tangent plane, is rounding. Beyond its rectangle
-    the sheet goes on as the tangent plane at the nearest edge.
+    between them. A step is the last where |f|·n_z, the distance from the tangent plane, is rounding, or is known to be
+    rounding after it: see `newton_step`. Beyond its rectangle the sheet goes on as the tangent plane at the nearest edge.
 
     Rays that do not come down steeply enough to meet the sheet only once (d_z² > steepest·(d_x² + d_y²)), do not
     converge, arrive from below or start beneath it are LOST: `raytrace.kernels.height_field_search` takes them.

@@ -3,7 +3,7 @@
 LLVM makes vectors of a loop over rays where all read the same coefficients. Where each ray reads its own it goes one number at
 a time, three times as slowly: a gather costs more than it saves. Here a ray's coefficients are the vectors, one for each power
 of b with a lane for each power of a. What eight rays have in these lanes is then turned about, and the rest goes ray by ray
-side by side.
+side by side. Vectors (x, y, z, x, …) become rows, and rows such vectors, in the same way.
 """
 
 from __future__ import annotations
@@ -70,6 +70,43 @@ def horner_apart(typing_context, powers, flat, w, lanes, base, a, b, value, alon
         return context.get_dummy_value()
 
     return types.void(powers, flat, w, lanes, base, a, b, value, along_a, along_b), generate
+
+
+def _lanes(builder, array, index, offset):
+    """A pointer to RAYS numbers of an array from an index and an offset on."""
+    return builder.bitcast(builder.gep(array, [builder.add(index, INT64(offset))]), ir.VectorType(DOUBLE, RAYS).as_pointer())
+
+
+@intrinsic
+def load_three(typing_context, array, index, w, x, y, z):
+    """RAYS vectors of a flat array (x, y, z, x, …), of which the first begins at an index, into rows of w."""
+    def generate(context, builder, signature, arguments):
+        given, rows = (cgutils.create_struct_proxy(signature.args[k])(context, builder, arguments[k]).data for k in (0, 2))
+        parts = [builder.load(_lanes(builder, given, arguments[1], RAYS * k), align=8) for k in range(3)]
+        for c, row in enumerate(arguments[3:]):
+            lanes = [3 * k + c for k in range(RAYS)]
+            first = _picked(builder, parts[0], parts[1], [min(lane, 2 * RAYS - 1) for lane in lanes])
+            all_ = _picked(builder, first, parts[2], [k if lane < 2 * RAYS else lane - RAYS for k, lane in enumerate(lanes)])
+            builder.store(all_, _lanes(builder, rows, row, 0), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, index, w, x, y, z), generate
+
+
+@intrinsic
+def store_three(typing_context, array, index, w, x, y, z):
+    """RAYS vectors out of rows of w into a flat array (x, y, z, x, …), the first to an index."""
+    def generate(context, builder, signature, arguments):
+        to, rows = (cgutils.create_struct_proxy(signature.args[k])(context, builder, arguments[k]).data for k in (0, 2))
+        x, y, z = (builder.load(_lanes(builder, rows, row, 0), align=8) for row in arguments[3:])
+        for part in range(3):
+            lanes = [divmod(RAYS * part + k, 3) for k in range(RAYS)]  # of which ray, and which of its coordinates
+            two = _picked(builder, x, y, [ray + (RAYS if c == 1 else 0) for ray, c in lanes])
+            three = _picked(builder, two, z, [RAYS + ray if c == 2 else k for k, (ray, c) in enumerate(lanes)])
+            builder.store(three, _lanes(builder, to, arguments[1], RAYS * part), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, index, w, x, y, z), generate
 
 
 def _spread(builder, number, kind):

@@ -45,8 +45,8 @@ class Sheet(NamedTuple):
 @compiled(inline="always")
 def sheet_of(n):
     """The sheet of these numbers."""
-    return Sheet(HeightField(Cells(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9]), n[10], n[11], n[12], n[13]),
-                 Strips(n[14], n[15], n[16], n[17], n[18]), n[19])
+    cells = Cells(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9])
+    return Sheet(HeightField(cells, n[10], n[11], n[12], n[13], n[14]), Strips(n[15], n[16], n[17], n[18], n[19]), n[20])
 
 
 @compiled(inline="always")

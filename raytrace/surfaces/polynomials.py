@@ -56,7 +56,8 @@ def height_field_of(surface: BSplineSurface) -> HeightField | None:
     if cells is None:
         return None
     z = surface.poles[..., 2]
-    return HeightField(cells, float(z.max()) + MARGIN_MM, _steepest(surface), float(z.min()) - MARGIN_MM, _bend(surface))
+    bend, twist = _bends(surface)
+    return HeightField(cells, float(z.max()) + MARGIN_MM, _steepest(surface), float(z.min()) - MARGIN_MM, bend, twist)
 
 
 # Those of the surfaces that are in use: a face with its loops, without them, and from its other side have one.
@@ -212,17 +213,25 @@ def _steepest(surface: BSplineSurface) -> float:
     return float(np.abs(z_x).max() ** 2 + np.abs(z_y).max() ** 2)
 
 
-def _bend(surface: BSplineSurface) -> float:
-    """Bound on |z_dd| over all directions d: the largest row sum of the bounds on the second derivatives."""
-    z = surface.poles[..., 2]
+def _bends(surface: BSplineSurface) -> tuple[float, float]:
+    """Bounds on |z_dd| over all directions d, and on |∂z_dd| by another: the largest row sums of bounds on the derivatives.
+
+    The second is inf where a second derivative may jump, at a knot inside that is repeated as often as the degree less one,
+    or at any of a degree below 3.
+    """
     u, v = (surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v)
-    z_u, u_1 = _derivative_poles(z, *u, 0)
-    z_v, v_1 = _derivative_poles(z, *v, 1)
-    largest = []
-    for poles, (knots, degree), axis in ((z_u, u_1, 0), (z_u, v, 1), (z_v, v_1, 1)):
-        second, _ = _derivative_poles(poles, knots, degree, axis)
-        largest.append(float(np.abs(second).max(initial=0.0)))
-    return max(largest[0] + largest[1], largest[1] + largest[2])
+    along = {(0, 0): (surface.poles[..., 2], u, v)}
+    for order in (1, 2, 3):
+        for k in range(order):
+            poles, of_u, of_v = along[order - 1 - k, k]
+            along[order - k, k] = (*_derivative_poles(poles, *of_u, 0), of_v)
+        poles, of_u, of_v = along[0, order - 1]
+        poles, of_v = _derivative_poles(poles, *of_v, 1)
+        along[0, order] = (poles, of_u, of_v)
+    uu, uv, vv, uuu, uuv, uvv, vvv = (float(np.abs(along[n - k, k][0]).max(initial=0.0)) for n in (2, 3) for k in range(n + 1))
+    twist = max(uuu + 2.0 * uuv + uvv, uuv + 2.0 * uvv + vvv)
+    jumps = any(degree < 3 and len(knots) > 2 * (degree + 1) for knots, degree in (u, v))
+    return max(uu + uv, uv + vv), np.inf if jumps or not np.isfinite(twist) else twist
 
 
 def _derivative_poles(poles: Array, knots: Array, degree: int, axis: int) -> tuple[Array, tuple[Array, int]]:
@@ -231,7 +240,8 @@ def _derivative_poles(poles: Array, knots: Array, degree: int, axis: int) -> tup
         return np.zeros((1, 1)), (knots, 0)
     apart = knots[degree + 1:-1] - knots[1:-degree - 1]
     steps = np.diff(poles, axis=axis)
-    return degree * steps / np.expand_dims(apart, 1 - axis), (knots[1:-1], degree - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return degree * steps / np.expand_dims(apart, 1 - axis), (knots[1:-1], degree - 1)
 
 
 def _closed(surface: BSplineSurface) -> Array:
