@@ -1,14 +1,17 @@
-"""Polynomials of rays apart, in vectors that are written down, against the plain rule for one ray."""
+"""Polynomials of rays apart, in vectors that are written down, against the plain rule for one ray; and a sheet's bounds."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from mirror_cad.surfaces.basis import greville_abscissae
+from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.kernels.blocks import BLOCK, V0, V1, V2, ZX, ZY, Z
-from raytrace.kernels.cells import PADDED_POWERS, horner
+from raytrace.kernels.cells import PADDED_POWERS, Cells, horner, taylor_of_any
 from raytrace.kernels.compiled import compiled
 from raytrace.kernels.lanes import RAYS, horner_apart, pitch
+from raytrace.surfaces.polynomials import height_field_of
 
 CELLS = 5
 
@@ -45,3 +48,40 @@ def test_rays_in_cells_of_their_own_are_evaluated_as_one_by_one(powers: int) -> 
             rounding = 4 * powers * np.finfo(float).eps * np.abs(terms).sum()  # of as many steps, each way
             np.testing.assert_allclose(found[k, m], terms.sum(), rtol=0, atol=rounding)
             np.testing.assert_allclose(found[k, m], plain[k, m], rtol=0, atol=rounding)
+
+
+def sheet_with(knots_u: list[float], degree: int) -> BSplineSurface:
+    """A bumpy sheet z(x, y) of these knots in x, seven poles in y."""
+    u, v = np.array(knots_u), np.concatenate([np.zeros(5), [2.0, 5.0], np.full(5, 9.0)])
+    x, y = greville_abscissae(u, degree), greville_abscissae(v, 4)
+    z = np.random.default_rng(2).normal(size=(len(x), len(y)))
+    return BSplineSurface(degree, 4, u, v, np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1))
+
+
+def test_second_derivatives_change_by_less_than_the_bound_that_settles_rays() -> None:
+    field = height_field_of(sheet_with([*[0.0] * 5, 1.0, 4.0, 4.0, *[10.0] * 5], 4))
+    assert field is not None
+    rng = np.random.default_rng(3)
+    at, angle, step = rng.uniform([0.1, 0.1], [9.9, 8.9], (20_000, 2)), rng.uniform(0.0, 2.0 * np.pi, 20_000), 1e-4
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # By how much the slopes along x and y, on a straight line, are beside the line through two of them: twist·s² at the most.
+    three = np.array([taylor_at(field.cells, at + k * step * along) for k in (-1, 0, 1)])
+    z, z_x, z_y = (np.abs(three[0] - 2.0 * three[1] + three[2]).max(axis=0) / step**2)[:3]
+    assert max(z_x, z_y) < field.twist < 10.0 * max(z_x, z_y)
+    assert z < field.bend < 10.0 * z
+
+
+@pytest.mark.parametrize(("knots", "degree"),
+                         [([*[0.0] * 5, 4.0, 4.0, 4.0, *[10.0] * 5], 4), ([*[0.0] * 3, 4.0, *[10.0] * 3], 2)])
+def test_no_bound_holds_where_second_derivatives_jump(knots: list[float], degree: int) -> None:
+    field = height_field_of(sheet_with(knots, degree))
+    assert field is not None
+    assert field.twist == np.inf
+    assert np.isfinite(field.bend)
+
+
+def taylor_at(cells: Cells, at: np.ndarray) -> np.ndarray:
+    found = np.empty((len(at), 8))
+    for place, row in zip(at, found, strict=True):
+        taylor_of_any(cells, *place, row)
+    return found
