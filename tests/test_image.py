@@ -13,6 +13,7 @@ import raytrace
 from mirror_studio.viewing_setup import ViewingSetup
 from raytrace import parallel
 from raytrace.image import photograph
+from raytrace.kernels.lanes import pitch
 from raytrace.rays import Trace
 from raytrace.scene.reference import BACKGROUND, Picture, ReferencePlane, load_picture
 from raytrace.surfaces.polynomials import height_field_of
@@ -135,8 +136,8 @@ def test_polynomials_of_a_height_field_are_the_surface(name: str) -> None:
     x, y = (rng.uniform(low, high, 500) for low, high in (surface.domain[:2], surface.domain[2:]))
     i, j = (np.searchsorted(ends[:-1], at, side="right") - 1 for ends, at in ((sheet.ends_u, x), (sheet.ends_v, y)))
     n = sheet.powers
-    cells = sheet.coefficients.reshape(len(sheet.middle_u), len(sheet.middle_v), n, n)[i, j]
+    cells = sheet.coefficients.reshape(len(sheet.middle_u), len(sheet.middle_v), n, pitch(n))[i, j, :, :n]
     a, b = (x - sheet.middle_u[i])[:, None] ** np.arange(n)[::-1], (y - sheet.middle_v[j])[:, None] ** np.arange(n)[::-1]
-    z = np.einsum("na,nab,nb->n", a, cells, b)
+    z = np.einsum("na,nba,nb->n", a, cells, b)
     # Rounding of coordinates of some 100 mm.
     np.testing.assert_allclose(z, surface.evaluate(x, y)[:, 2], rtol=0, atol=1e-13)
