@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -246,15 +247,33 @@ def test_fates_of_rays_beside_the_front_at_its_rim_from_behind_and_bad_ones() ->
 
 
 def plates_of_many_kinds() -> list[Plate]:
-    """Cut and whole, convex, flat and concave, thin, thick, a wedge, and sheets that do not lie over each other."""
+    """Cut and whole, convex, flat and concave, thin, thick, wedges, and sheets that do not lie over each other.
+
+    Of the last three one is coated within its edge and but for a hole, one reflects totally at its front from whole blocks of
+    rays, and of one the back lies before the front on one side.
+    """
     front, back = faces_of(back_mirror())
     small = (70.0, 70.0)
     ball, wedge = cap(130.0, 0.0, small), cap(150.0, 0.0, small)
     return [Plate(front, back, INDEX), sheets(400.0), sheets(-500.0, 1.9, 6.0), sheets(np.inf, 1.0), sheets(950.0, 1.5, 0.001),
-            Plate(cap(130.0, 8.0, small), ball, INDEX), Plate(cap(np.inf, 60.0), wedge, INDEX)]
+            Plate(cap(130.0, 8.0, small), ball, INDEX), Plate(cap(np.inf, 60.0), wedge, INDEX),
+            Plate(cap(950.0, T_MM), replace(cap(950.0), loops=(rectangle(100.0, 120.0), rectangle(30.0, 20.0))), INDEX),
+            Plate(cap(np.inf, 60.0), tilted(14.0), INDEX), Plate(cap(np.inf, 1.0), tilted(2.0), INDEX)]
 
 
-@pytest.mark.parametrize("number", range(7))
+def rectangle(x: float, y: float) -> Array:
+    return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+
+
+def tilted(degrees: float) -> BSplineFace:
+    """A plane through the y axis."""
+    flat = cap(np.inf).surface
+    poles = flat.poles.copy()
+    poles[..., 2] += np.tan(np.radians(degrees)) * poles[..., 0]
+    return BSplineFace(replace(flat, poles=poles), (np.zeros((1, 2)),)).untrimmed()
+
+
+@pytest.mark.parametrize("number", range(10))
 def test_the_way_through_in_one_kernel_is_that_face_by_face(number: int) -> None:
     """Rays from everywhere to everywhere, among them hopeless ones, alone or beside each other, in any number."""
     plate = plates_of_many_kinds()[number]
@@ -288,11 +307,7 @@ def test_the_way_through_in_one_kernel_is_that_face_by_face(number: int) -> None
 def test_total_reflection_inside_blocks_the_ray() -> None:
     """A wedge whose back is steep to its front: what comes back meets the front beyond the critical angle."""
     front = cap(np.inf, 60.0)
-    tilted = cap(np.inf).surface.poles.copy()
-    tilted[..., 2] += np.tan(np.radians(22.0)) * tilted[..., 0]
-    flat = cap(np.inf).surface
-    back = BSplineFace(type(flat)(flat.degree_u, flat.degree_v, flat.knots_u, flat.knots_v, tilted),
-                          (np.zeros((1, 2)),)).untrimmed()
+    back = tilted(22.0)
     eye = np.array([[0.0, 0.0, 500.0]])
     assert trace_through(front, back, 1.2, eye, np.array([[0.0, 0.0, -1.0]])).status.tolist() == [Status.REFLECTED]
     assert trace_through(front, back, INDEX, eye, np.array([[0.0, 0.0, -1.0]])).status.tolist() == [Status.BLOCKED]

@@ -51,4 +51,6 @@ def test_a_lane_s_edge_bounds_nothing() -> None:
     low, high = np.full(6, 0.0), np.array([9.0, 9.0, 9.0, 9.0, 5.0, 5.0])
     at_edges = longest_rectangle(np.arange(6), low, high, LINES, 0.0, 9.0, np.array([0.0]), 9.0)
     assert at_edges == 30.0  # no end between lines is known, of one at which nothing ends
-    assert longest_rectangle(np.arange(6), low, high, LINES, 0.0, 20.0, np.array([0.0]), 7.0) == pytest.approx(35.0, abs=1e-12)
+    for lane, expected in ((20.0, 35.0), (9.0, 30.0)):
+        found = longest_rectangle(np.arange(6), low, high, LINES, 0.0, lane, np.array([0.0]), 7.0)
+        assert found == pytest.approx(expected, abs=1e-12)
