@@ -56,7 +56,9 @@ def visibility_contour(view: View) -> Edge:
     seen[[0, -1]] = seen[:, [0, -1]] = False  # a loop closes
     sides, following = _border(seen)
     nodes = grid.reshape(-1, 2)
-    on_plane, _ = ends_of_sight(view, nodes[sides[:, 0]], nodes[sides[:, 1]])
+    inside, outside = nodes[sides[:, 0]], nodes[sides[:, 1]]
+    on_plane, found = ends_of_sight(view, inside, outside)
+    on_plane[~found] = bisect_visibility(view, inside[~found], outside[~found])  # on the grid's border what is seen goes on
     for _ in range(REFINED):
         middles = _middles(view, on_plane, following)
         on_plane, following = (np.concatenate([on_plane, middles]),
