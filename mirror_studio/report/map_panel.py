@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirror_studio.report.colours import Stops, indices, palette
+from mirror_studio.report.colours import COLOURS, Stops, indices, palette
 from mirror_studio.report.drawing import AXIS, FONT, INK, SMALL, SOFT, nice_ticks, text, tick_texts
 
 Array = NDArray[np.float64]
@@ -54,15 +54,19 @@ class MapPanel:
     def image(self, values: Array, low: float, high: float, stops: Stops) -> None:
         """A field (nx, ny) of equal cells over the extent, x to the right and y up, on one scale; nothing where it is NaN."""
         known = np.isfinite(values)
-        picture = Image.fromarray(np.ascontiguousarray(indices(_filled(values), low, high).T[::-1]), mode="P")
-        picture.putpalette(palette(stops))
+        colours = np.ascontiguousarray(indices(_filled(values), low, high).T[::-1])
+        transparent = None
         if not known.all():  # the cells' borders as they are, the colours as smooth as where all is known
-            size = FINER * picture.width, FINER * picture.height
-            mask = Image.fromarray(np.ascontiguousarray(255 * known.T[::-1].astype(np.uint8)))
-            picture = picture.convert("RGB").resize(size, Image.Resampling.BILINEAR)
-            picture.putalpha(mask.resize(size, Image.Resampling.NEAREST))
+            transparent = COLOURS - 1
+            size = FINER * colours.shape[1], FINER * colours.shape[0]
+            unknown = Image.fromarray(np.ascontiguousarray(~known.T[::-1])).resize(size, Image.Resampling.NEAREST)
+            picture = Image.fromarray(np.minimum(colours, COLOURS - 2)).resize(size, Image.Resampling.BILINEAR)
+            picture.paste(transparent, mask=unknown)
+        else:
+            picture = Image.fromarray(colours)
+        picture.putpalette(palette(stops))
         file = io.BytesIO()
-        picture.save(file, "PNG")
+        picture.save(file, "PNG", transparency=transparent)
         self.parts.append(f'<image x="{self.left:.2f}" y="{self.top:.2f}" width="{self.width:.2f}" height="{self.height:.2f}" '
                           'preserveAspectRatio="none" '
                           f'href="data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}"/>')
