@@ -64,7 +64,7 @@ def faults_of(text: str) -> list[str]:
     """
     start = re.search(r"\bDATA\s*(?:\([^;]*\))?\s*;", text)
     if start is None:
-        return ["it holds no DATA section: is it a STEP file, and whole?"]
+        return ["it holds no DATA section, as every whole STEP file does"]
     if re.search(r"\bREFERENCE\s*;", text[:start.start()]):
         return []  # it names statements of other files
     data = text[start.end():]

@@ -102,7 +102,7 @@ def _facts(scene: SceneFile, left_out: Sequence[str]) -> list[tuple[str, str]]:
         ("Eyes", f"({_triple(eyes.middle_m)}) m, {plain(1000 * eyes.separation_m)} mm apart"),
         ("Mirror", f"{mirror.hand}, centre at ({_triple(mirror.centre_m)}) m; {posed}; reflectance {plain(mirror.reflectance)}"
                    + (f"; bezel over {plain(1000 * mirror.bezel_over_m)} mm of the edge" if mirror.bezel_over_m else "")),
-        ("Own vehicle", f"{plain(scene.own_vehicle.width_m)} m wide, its rear at X = {plain(scene.own_vehicle.rear_m)} m"),
+        ("Host vehicle", f"{plain(scene.own_vehicle.width_m)} m wide, its rear at X = {plain(scene.own_vehicle.rear_m)} m"),
         *(("Left out", text) for text in left_out),
         ("Light", f"sun {plain(light.elevation_deg)}° high, {plain(abs(light.azimuth_deg))}° to the "
                   f"{'left' if light.azimuth_deg < 0 else 'right'} of straight ahead; turbidity {plain(light.turbidity)} (the "

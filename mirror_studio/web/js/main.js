@@ -211,7 +211,7 @@ const wanted = () => JSON.stringify([store.now.spec, store.now.look]);
 const stale = () => wanted() !== asked;
 function rest() {
   clearTimeout(restTimer);
-  // A draft of the road takes about as long as a rest: the hand has not rested before it is seen.
+  // A draft of the road that is under way is seen before the hand counts as at rest.
   const due = () => (store.now.look.view === "road" && wire.flying.size > 0 ? rest() : request(true));
   restTimer = setTimeout(due, REST_MS);
 }
