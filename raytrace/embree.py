@@ -110,6 +110,18 @@ class TriangleScene:
         parallel_for(lambda start, stop: self._chunk(slice(start, stop), starts, rays, out), n)
         return out
 
+    def first_triangles(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.int32]:
+        """`first_hits` without the places: the triangle alone that each ray meets first, (n,), −1 for none."""
+        starts, rays = _rays(origins, directions)
+        found = np.empty(len(rays), dtype=np.int32)
+
+        def work(start: int, stop: int) -> None:
+            ends = self._cast(slice(start, stop), starts, rays)
+            found[start:stop] = self._scene.run(ends[0], ends[1])
+
+        parallel_for(work, len(rays))
+        return found
+
     def occluded(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
         """Find whether a triangle stands in the way of each ray, however far.
 

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from raytrace.kernels.blocks import at
 from raytrace.parallel import parallel_for
 from raytrace.rays import Status, Trace
 from raytrace.reflector import Reflector
@@ -87,7 +88,7 @@ def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: N
     """Trace and colour some pixels, samples² rays each."""
     inner = (np.arange(samples) + 0.5) / samples
     per_pixel = samples * samples
-    colours = picture.reshape(-1, 3)
+    colours = picture.reshape(-1)
     counts: Counter[str] = Counter()
     lock, thread = threading.Lock(), threading.local()
 
@@ -105,7 +106,7 @@ def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: N
         thread.sums[:] = 0.0
         scene.add_colours(trace, camera.eye, thread.directions, thread.sums, per_pixel)
         thread.sums *= 1.0 / per_pixel
-        _place(scene.to_display(thread.sums), pixels[start:stop], colours)
+        _place(scene.to_display(thread.sums).ravel(), pixels[start:stop], colours)
         with lock:
             counts.update(trace.counts())
 
@@ -148,10 +149,11 @@ def _directions(pixels: NDArray[np.intp], columns: int, base: Array, across: Arr
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _place(shown: Picture, pixels: NDArray[np.intp], colours: Picture) -> None:
+def _place(shown: NDArray[np.uint8], pixels: NDArray[np.intp], colours: NDArray[np.uint8]) -> None:
+    """Bytes of some pixels, flat, to where they belong among those of all."""
     for i in range(len(pixels)):
-        for c in range(3):
-            colours[pixels[i], c] = shown[i, c]
+        n, k = at(3 * i), at(3 * pixels[i])
+        colours[k], colours[k + 1], colours[k + 2] = shown[n], shown[n + 1], shown[n + 2]
 
 
 def _contrasts(picture: Picture, least: int) -> NDArray[np.bool_]:

@@ -137,6 +137,7 @@ def test_origins_are_one_or_as_many_as_the_directions() -> None:
         assert result.shape == (0,)
     assert one.distance.dtype == one.u.dtype == np.float64
     assert one.triangle.dtype == np.int32
+    assert (scene.first_triangles(eye, directions) == one.triangle).all()
 
 
 @pytest.mark.parametrize(("vertices", "faces", "message"), [

@@ -83,3 +83,33 @@ def test_several_rays_make_one_sum_and_lost_ones_see_the_background() -> None:
     each[:3] = BACKGROUND
     assert seen(plane, x, y, samples=4, lost=3) == pytest.approx(each.reshape(2, 4, 3).sum(axis=1), abs=1e-7)
     assert plane.to_display(np.array([[0.4, 0.6, 254.5]])).tolist() == [[0, 1, 254]]
+
+
+@pytest.mark.parametrize("beyond", [False, True])
+def test_a_ray_sees_the_same_whatever_the_rays_beside_it_see(beyond: bool) -> None:
+    """Sixteen rays that all land on one picture are taken together, others one by one: to the bit it is the same."""
+    chance = np.random.default_rng(13)
+    for rows, columns in ((2, 2), (2, 7), (5, 2), (6, 9)):
+        picture = chance.integers(0, 256, (rows, columns, 3)).astype(np.uint8)
+        outer = ReferencePlane(picture[::-1].copy(), Z, 1800.0, (-100.0, 0.0)) if beyond else None
+        plane = ReferencePlane(picture, Z, 900.0, (-200.0, 50.0), outer)
+        x_min, x_max, y_min, y_max = plane.bounds()
+        for _ in range(50):
+            # Blocks on the picture, beside it and across its edge, and one that is not whole.
+            reach = chance.choice([0.4, 0.5, 3.0], 4).repeat(16)[:chance.integers(33, 65)]
+            x = -200.0 + chance.uniform(-1.0, 1.0, len(reach)) * reach * (x_max - x_min)
+            y = 50.0 + chance.uniform(-1.0, 1.0, len(reach)) * reach * (y_max - y_min)
+            points = chance.uniform(-100.0, 100.0, (len(x), 3))
+            directions = np.stack([x, y, np.full(len(x), Z)], axis=1) - points
+            directions[chance.random(len(x)) < 0.02, 2] = 0.0  # along the plane
+            status = (chance.random(len(x)) < 0.03).astype(np.int8)
+            trace = Trace(status, points, directions, directions, np.ones(len(x)))
+            alone = np.concatenate([colours(plane, trace, slice(k, k + 1)) for k in range(len(x))])
+            assert (colours(plane, trace, slice(None)) == alone).all()
+
+
+def colours(plane: ReferencePlane, trace: Trace, rays: slice) -> Array:
+    some = Trace(*(array[rays] for array in trace.arrays))
+    sums = np.zeros((len(some.status), 3))
+    plane.add_colours(some, np.zeros(3), some.directions, sums, 1)
+    return sums

@@ -80,7 +80,7 @@ class _Past:
     def radiance(self, origins: Array, directions: Array, spread: Array) -> Array:
         """As `LitWorld.radiance`."""
         found = self.world.radiance(origins, directions, spread)
-        rows = np.flatnonzero(self.housing.scene.first_hits(origins, directions).triangle >= 0)
+        rows = np.flatnonzero(self.housing.scene.first_triangles(origins, directions) >= 0)
         if rows.size:
             found[rows] = self.housing.radiance(origins[rows], directions[rows], spread[rows])
         return found

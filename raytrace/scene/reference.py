@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
+from raytrace.kernels.picture_plane import NOTHING, OnPlane, add_colours
 from raytrace.pictures import PictureError, read_picture
 from raytrace.rays import Trace
 
@@ -67,13 +68,13 @@ class ReferencePlane:
 
         Rays that are not reflected see BACKGROUND, rays that land beside the picture, and what continues it, BESIDE.
         """
-        _add_colours(trace.status, trace.points, trace.directions, self.z_mm, self._on_plane(),
-                     NOTHING if self.beyond is None else self.beyond._on_plane(), BACKGROUND, BESIDE, sums, samples)
+        add_colours(trace.status, trace.points, trace.directions, self.z_mm, self._on_plane(),
+                    NOTHING if self.beyond is None else self.beyond._on_plane(), BACKGROUND, BESIDE, sums, samples)
 
-    def _on_plane(self) -> _OnPlane:
+    def _on_plane(self) -> OnPlane:
         _, x_max, _, y_max = self.bounds()
         rows, columns, _ = self.picture.shape
-        return _OnPlane(self.picture.ravel(), columns, rows, x_max, y_max, columns / self.width_mm)
+        return OnPlane(self.picture.ravel(), columns, rows, x_max, y_max, columns / self.width_mm)
 
     def to_display(self, means: Array) -> Picture:
         """The nearest bytes."""
@@ -92,77 +93,10 @@ def landed(points: Array, directions: Array, z_mm: float) -> Array:
 def rounded(means: Array) -> Picture:
     """Colours (n, 3), 0 to 255, as the nearest bytes."""
     shown = np.empty(means.shape, dtype=np.uint8)
-    for i in range(means.shape[0]):
-        for c in range(3):
-            shown[i, c] = np.uint8(np.rint(means[i, c]))
+    numbers, bytes_ = means.ravel(), shown.ravel()  # of the second, a view
+    for i in range(numbers.size):
+        bytes_[i] = np.int32(np.rint(numbers[i]))  # for which there is a vector instruction, as there is none to a byte
     return shown
-
-
-class _OnPlane(NamedTuple):
-    """A picture as the kernel takes it: its bytes, columns and rows, where its left and top are, mm, and elements a mm."""
-
-    picture: NDArray[np.uint8]
-    columns: int
-    rows: int
-    x_max: float
-    y_max: float
-    per_mm: float
-
-
-NOTHING = _OnPlane(np.zeros(0, dtype=np.uint8), 1, 0, 0.0, 0.0, 1.0)
-
-
-@njit(cache=True, error_model="numpy", forceinline=True, _nrt=False, no_cfunc_wrapper=True)
-def _on(place, points, n, t, directions):
-    """Column, row and whether they lie on a picture, of where ray n meets the plane; in elements from the left and the top."""
-    column = (place.x_max - points[n, 0] - t * directions[n, 0]) * place.per_mm - 0.5  # the left is at the largest X
-    row = (place.y_max - points[n, 1] - t * directions[n, 1]) * place.per_mm - 0.5
-    return column, row, place.rows > 0 and -0.5 <= column <= place.columns - 0.5 and -0.5 <= row <= place.rows - 0.5
-
-
-@njit(cache=True, error_model="numpy", forceinline=True, _nrt=False, no_cfunc_wrapper=True)
-def _between(place, column, row):
-    """The colour at a place between elements of a picture, linear between the nearest four."""
-    picture, columns, rows = place.picture, place.columns, place.rows
-    right, below = 3 * min(columns - 1, 1), 3 * columns * min(rows - 1, 1)  # from an element to the next ones
-    column, row = min(max(column, 0.0), columns - 1.0), min(max(row, 0.0), rows - 1.0)
-    i, j = min(int(row), max(rows - 2, 0)), min(int(column), max(columns - 2, 0))
-    a, b = row - i, column - j
-    m = np.int64(np.uint32(3 * (i * columns + j)))
-    here, beneath, corner = (1.0 - a) * (1.0 - b), a * (1.0 - b), a * b
-    across = (1.0 - a) * b
-    return (here * picture[m] + across * picture[m + right]
-            + beneath * picture[m + below] + corner * picture[m + below + right],
-            here * picture[m + 1] + across * picture[m + right + 1]
-            + beneath * picture[m + below + 1] + corner * picture[m + below + right + 1],
-            here * picture[m + 2] + across * picture[m + right + 2]
-            + beneath * picture[m + below + 2] + corner * picture[m + below + right + 2])
-
-
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)
-def _add_colours(status, points, directions, z, inner, outer, background, beside, sums, samples):
-    for pixel in range(sums.shape[0]):
-        red = green = blue = 0.0
-        for k in range(samples):
-            n = np.int64(np.uint32(pixel * samples + k))  # not negative, and known not to be
-            if status[n] != 0:
-                red, green, blue = red + background[0], green + background[1], blue + background[2]
-                continue
-            t = (z - points[n, 2]) / directions[n, 2]
-            lands = 0.0 < t < np.inf
-            column, row, inside = _on(inner, points, n, t, directions)
-            if lands and inside:
-                r, g, b = _between(inner, column, row)
-            else:
-                column, row, inside = _on(outer, points, n, t, directions)
-                if lands and inside:
-                    r, g, b = _between(outer, column, row)
-                else:
-                    r, g, b = beside[0], beside[1], beside[2]
-            red, green, blue = red + r, green + g, blue + b
-        sums[pixel, 0] += red
-        sums[pixel, 1] += green
-        sums[pixel, 2] += blue
 
 
 def load_picture(image: str | Path) -> Picture:

@@ -74,7 +74,7 @@ class TriangleWorld:
         Rays that are not reflected see BACKGROUND and are not sent into the world.
         """
         going, origins, directions = _reflected(trace.status, trace.points, trace.directions)
-        triangles = self.scene.first_hits(origins, directions).triangle
+        triangles = self.scene.first_triangles(origins, directions)
         _add_colours(going, triangles, directions, len(trace.status), self.shown, BACKGROUND, sums, samples)
 
     def to_display(self, means: Array) -> Picture:
