@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.lanes import RAYS, load_three, store_three
 from raytrace.kernels.outcomes import BEHIND, HIT, INVALID
 
@@ -80,7 +80,7 @@ def work() -> Work:
     return found
 
 
-@compiled(_nrt=False)
+@inner()
 def at(index):
     """The same index, known not to be negative.
 
@@ -90,13 +90,13 @@ def at(index):
     return np.int64(np.uint32(index))
 
 
-@compiled(_nrt=False)
+@inner()
 def clamp(x, low, high):
     """The number, or the nearer of two ends."""
     return min(max(x, low), high)
 
 
-@compiled(_nrt=False)
+@inner()
 def box(w, first, second):
     """Smallest and largest value of two rows, halved and halved again: a plain reduction would go one by one.
 
@@ -116,7 +116,7 @@ def box(w, first, second):
     return a_low, a_high, b_low, b_high
 
 
-@compiled(_nrt=False)
+@inner()
 def unit(directions, n, w, m):
     """Ray n to unit length into lane m, whatever its length; False where it has no direction."""
     x, y, z = directions[3 * n], directions[3 * n + 1], directions[3 * n + 2]
@@ -131,7 +131,7 @@ def unit(directions, n, w, m):
     return True
 
 
-@compiled(_nrt=False)
+@inner()
 def load(origins, directions, start, count, w):
     """Rays start … start + count into the first lanes; the lanes after them repeat the last ray.
 
@@ -167,7 +167,7 @@ def load(origins, directions, start, count, w):
     return odd
 
 
-@compiled(_nrt=False)
+@inner()
 def fix_degenerate_rays(directions, start, count, w, state):
     """The lanes of a block in which some ray is degenerate: HIT for those with a direction, INVALID for the others.
 
@@ -184,7 +184,7 @@ def fix_degenerate_rays(directions, start, count, w, state):
             w[DZ + m] = -1.0
 
 
-@compiled(_nrt=False)
+@inner()
 def reflect(w):
     """r = d − 2(d·n)n."""
     for m in range(BLOCK):
@@ -194,7 +194,7 @@ def reflect(w):
         w[RZ + m] = w[DZ + m] - twice * w[NZ + m]
 
 
-@compiled(_nrt=False)
+@inner()
 def store_all(w, start, results):
     """A block of which every ray hits."""
     status, points, normals, reflected, distances = results
@@ -208,7 +208,7 @@ def store_all(w, start, results):
         status[n + m] = HIT
 
 
-@compiled(_nrt=False)
+@inner()
 def store(w, state, start, count, results):
     """A block ray by ray: NaN in every result of a ray that does not hit, but the distance of one from behind."""
     status, points, normals, reflected, distances = results

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import at, clamp
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import inner
 from raytrace.kernels.lanes import pitch
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Cells(NamedTuple):
     bins_v: float
 
 
-@compiled(_nrt=False)
+@inner()
 def span(value, ends, lookup, bins):
     """Index of the span that holds a value between ends[0] and ends[-2]; the last span holds its end too."""
     # Clamped from below too: a NaN becomes the most negative integer.
@@ -63,13 +63,13 @@ def span(value, ends, lookup, bins):
     return k
 
 
-@compiled(_nrt=False)
+@inner()
 def cell_at(cells, u, v):
     """Indices of the cell that holds a place between the ends."""
     return span(u, cells.ends_u, cells.lookup_u, cells.bins_u), span(v, cells.ends_v, cells.lookup_v, cells.bins_v)
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def horner(powers, flat, base, a, b):
     """A polynomial in a and b, whose coefficients begin at base, highest powers first, and its derivatives by a and by b."""
     value = along_a = along_b = 0.0
@@ -85,7 +85,7 @@ def horner(powers, flat, base, a, b):
     return value, along_a, along_b
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def _locate(powers, cells, x, y, q):
     """Where the coefficients of the cell nearest to (x, y) begin, and that place from the cell's middle; the place into q."""
     ends_x, ends_y = cells.ends_u, cells.ends_v
@@ -95,7 +95,7 @@ def _locate(powers, cells, x, y, q):
     return at((i * (ends_y.size - 2) + j) * powers * pitch(powers)), x - cells.middle_u[i], y - cells.middle_v[j]
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def _expand(powers, flat, base, a, b, q):
     """A polynomial in a and b, whose coefficients begin at base, its derivatives and half its second ones into q."""
     z = z_a = z_b = z_aa = z_ab = z_bb = 0.0
@@ -114,14 +114,14 @@ def _expand(powers, flat, base, a, b, q):
     q[Z], q[Z_X], q[Z_Y], q[HALF_XX], q[XY], q[HALF_YY] = z, z_a, z_b, z_aa, z_ab, z_bb
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def taylor(powers, cells, x, y, q):
     """z, z_x, z_y, z_xx/2, z_xy, z_yy/2 at the point of a height field nearest to (x, y), then that point's x and y: q (8,)."""
     base, a, b = _locate(powers, cells, x, y, q)
     _expand(powers, cells.coefficients, base, a, b, q)
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def taylor_of_any(cells, x, y, q):
     """`taylor` where the number of powers is known only at run time.
 

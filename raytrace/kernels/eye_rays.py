@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.cells import Z_X, Z_Y
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.height_field_search import HIT_X, HIT_Y, HIT_Z, KNOWN
 from raytrace.kernels.outcomes import HIT, NEAREST_MM
 from raytrace.kernels.sheet import Sheet, meets_once, ray_through, reflected, sheet_of
@@ -69,7 +69,7 @@ def trace(sheet: Sheet, posed: Posed, at: Array, of: Index = NONE) -> tuple[NDAr
     return status, points, directions, on_mirror
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def ray_to(s, eye, x, y, z, z_x, z_y, rotation, offset, ray):
     """How the eye's ray to a point of the sheet leaves, in the other coordinates: point and direction, into ray (6,).
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.cells import AT_X, AT_Y, Z_X, Z_Y, Z, taylor_of_any
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.height_field_search import HIT_T, HIT_X, HIT_Y, HIT_Z, KNOWN
 from raytrace.kernels.image_points import smallest_axis
 from raytrace.kernels.sheet import Sheet, sheet_of
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 NEAR = 0.2  # radians by which a ray may miss for Newton to begin there: what does not settle is looked for otherwise
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _look_at(w, s, eye, x, y):
     """The point of the sheet at (x, y) and the eye's ray to it into w; whether the ray comes from before the sheet."""
     q, ray = w[:KNOWN], w[RAY:POINT]
@@ -30,7 +30,7 @@ def _look_at(w, s, eye, x, y):
     return ray[2] - ray[0] * q[Z_X] - ray[1] * q[Z_Y] < 0.0
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _towards(w, s, eye, wanted, n, settled, passes, longest):
     """Move from what `_look_at` has put into w to the point whose ray leaves along wanted[n]; whether Newton settles there.
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import Results
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.pieces import (
     BEND_UU,
@@ -95,7 +95,7 @@ class _Work(NamedTuple):
                      np.empty(NODES))
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _evaluate(flat, base, powers_u, powers_v, parts, a, b, q):
     """P, P_u, P_v (and w, w_u, w_v) of one cell at (a, b) from its middle, into q: x, x_u, x_v, y and so on."""
     k = base
@@ -113,7 +113,7 @@ def _evaluate(flat, base, powers_u, powers_v, parts, a, b, q):
         q[3 * part], q[3 * part + 1], q[3 * part + 2] = value, along_a, along_b
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _project(q, w):
     """S, S_u, S_v in place of P, P_u, P_v."""
     for k in range(0, 9, 3):
@@ -122,7 +122,7 @@ def _project(q, w):
         q[k + 2] = (q[k + 2] - q[11] * q[k]) / w
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _refined(piece, ray, ox, oy, oz, limit, x, y, q):
     """Newton's method on S(u, v) = o + t·d from (x, y) in the piece's own −1 … 1; whether it met, and where.
 
@@ -154,7 +154,7 @@ def _refined(piece, ray, ox, oy, oz, limit, x, y, q):
     return last <= ACCEPTED * limit, x, y
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _keep(piece, first, edges, ray, ox, oy, oz, x, y, q, found):
     """Keep the place S = q at (x, y) of a piece where it lies inside the trimming and before what was found."""
     sizes, counts, numbers = piece.sizes, piece.counts, piece.numbers
@@ -182,7 +182,7 @@ def _keep(piece, first, edges, ray, ox, oy, oz, x, y, q, found):
     found[FACING] = facing if counts[ONE_SIDED] else -1.0
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _meet_piece(piece, first, edges, work):
     """All places where a ray meets a piece, each into `_keep`."""
     sizes, counts, numbers = piece.sizes, piece.counts, piece.numbers

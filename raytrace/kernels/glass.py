@@ -51,7 +51,7 @@ from raytrace.kernels.blocks import (
     store_all,
     work,
 )
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.height_field import SHALLOWEST, HeightField, heights
 from raytrace.kernels.newton import begin_newton, newton_step
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, BLOCKED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
@@ -88,7 +88,7 @@ class Sheets(NamedTuple):
     refraction: float
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _refracted(eta, w):
     """d' = η·d + (η·c − √(1 − η² + η²c²))·n into the rows R, n against the ray.
 
@@ -108,7 +108,7 @@ def _refracted(eta, w):
     return total
 
 
-@compiled(_nrt=False)
+@inner()
 def _doubled(state, w):
     """Give lanes whose ray has ended what a lane has whose ray goes on, so that all can be taken on; False where none does."""
     alive = -1
@@ -126,7 +126,7 @@ def _doubled(state, w):
     return True
 
 
-@compiled(_nrt=False)
+@inner()
 def _entered(sheets, state, w):
     """What became of rays at the front, as `raytrace.kernels.parametric.hits` says."""
     ends_u, ends_v = sheets.front.cells.ends_u, sheets.front.cells.ends_v
@@ -177,7 +177,7 @@ def _to_back(powers, back, w):
     return good
 
 
-@compiled(_nrt=False)
+@inner()
 def _turned(sheets, state, w):
     """What became of rays at the back: those that meet no reflecting part of it stay inside."""
     ends_x, ends_y = sheets.back.cells.ends_u, sheets.back.cells.ends_v
@@ -190,7 +190,7 @@ def _turned(sheets, state, w):
             state[m] = BLOCKED
 
 
-@compiled(_nrt=False)
+@inner()
 def _left(sheets, state, w):
     """What became of rays at the front from inside: LAST is inf where they do not keep to its cone."""
     ends_u, ends_v = sheets.front.cells.ends_u, sheets.front.cells.ends_v
@@ -205,7 +205,7 @@ def _left(sheets, state, w):
             state[m] = BLOCKED
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _kept_to_cone(sheet, state, w):
     """Give rays outside the front's cone, which may meet it more than once, a direction inside it; how many there are."""
     ended = 0
@@ -218,7 +218,7 @@ def _kept_to_cone(sheet, state, w):
     return ended
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _go_down(index, w):
     """Refract rays into the glass, and take them as far down as the back was along the normal for the lane's last ray."""
     _refracted(1.0 / index, w)
@@ -229,7 +229,7 @@ def _go_down(index, w):
         w[T + m] = w[GAP + m] / w[DOWN + m]
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _go_up(w):
     """Take rays up from the back, and note how far it was along the normal, and its own normals."""
     for m in range(BLOCK):
@@ -239,7 +239,7 @@ def _go_up(w):
         w[OX + m], w[OY + m], w[OZ + m] = w[X + m], w[Y + m], w[Z + m]
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _arrived(sheet, w):
     """How many rays from inside met the front; LAST becomes inf for those outside its cone."""
     good = 0
@@ -250,7 +250,7 @@ def _arrived(sheet, w):
     return good
 
 
-@compiled(_nrt=False)
+@inner()
 def _passed(state, first, second, first_to, second_to, w):
     """Note where rays that go on pass a sheet."""
     for m in range(BLOCK):
@@ -258,7 +258,7 @@ def _passed(state, first, second, first_to, second_to, w):
             w[first_to + m], w[second_to + m] = w[first + m], w[second + m]
 
 
-@compiled(_nrt=False)
+@inner()
 def _came_in(state, w):
     """Note where rays come in, also a little beyond the front's domain, where its polynomials go on: they are LOST there."""
     for m in range(BLOCK):
@@ -266,7 +266,7 @@ def _came_in(state, w):
             w[IN_U + m], w[IN_V + m] = w[U + m], w[V + m]
 
 
-@compiled(_nrt=False)
+@inner()
 def _store_passed(w, start, count, passed):
     for m in range(count):
         n = PASSED * (start + m)

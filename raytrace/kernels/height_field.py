@@ -41,7 +41,7 @@ from raytrace.kernels.blocks import (
     work,
 )
 from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner, taylor
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.lanes import RAYS, horner_apart, pitch
 from raytrace.kernels.newton import begin_newton, newton_step
 from raytrace.kernels.outcomes import ACCEPTED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
@@ -74,7 +74,7 @@ class HeightField(NamedTuple):
     twist: float
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max, w):
     """z, z_x, z_y of one cell's polynomial, whose coefficients begin at base, at (X, Y) into the rows Z, ZX, ZY."""
     base = at(base)
@@ -87,7 +87,7 @@ def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max
         w[ZY + m] = z_b
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def _evaluate_apart(powers, cells, w):
     """`_evaluate` for rays that each have a cell of their own."""
     flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
@@ -104,7 +104,7 @@ def _evaluate_apart(powers, cells, w):
         w[Z + m] = w[Z + m] + w[ZX + m] * (w[X + m] - x) + w[ZY + m] * (w[Y + m] - y)
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w):
     """`_evaluate` for rays over cells (i_low, j_low) to (i_high, j_high): each keeps the last that starts before it."""
     flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
@@ -130,7 +130,7 @@ def _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w):
             w[Z + m], w[ZX + m], w[ZY + m] = w[V0 + m], w[V1 + m], w[V2 + m]
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def heights(powers, cells, w):
     """z, z_x, z_y at (X, Y) into the rows Z, ZX, ZY, for a block of rays that need not lie in one cell.
 
@@ -145,7 +145,7 @@ def heights(powers, cells, w):
     return x_low >= x_min and x_high <= x_max and y_low >= y_min and y_high <= y_max
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def _osculate(powers, cells, w, q):
     """Move the paraboloid q to where the block's middle ray meets the sheet."""
     c = BLOCK // 2
@@ -158,7 +158,7 @@ def _osculate(powers, cells, w, q):
     taylor(powers, cells, w[OX + c] + t * w[DX + c], w[OY + c] + t * w[DY + c], q)
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _from_paraboloid(w, q):
     """Take every ray to the paraboloid q: by its tangent plane, then twice with the same slope."""
     z0, zx, zy, zxx, zxy, zyy, x, y = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
@@ -174,7 +174,7 @@ def _from_paraboloid(w, q):
         w[X + m], w[Y + m] = w[OX + m] + t * dx, w[OY + m] + t * dy
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _from_above(top, w):
     """Take every ray to the plane above the sheet."""
     for m in range(BLOCK):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from raytrace.kernels import blocks
 from raytrace.kernels.blocks import Results, store, unit, work
 from raytrace.kernels.cells import Z_X, Z_Y, Z, taylor_of_any
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.height_field import HeightField
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, INVALID, LOST, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.trimming import Strips, inside
@@ -22,7 +22,7 @@ HIT_T, HIT_X, HIT_Y, HIT_Z, RISE = range(8, 13)
 KNOWN = 13  # numbers
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def search(field, strips, one_sided, ox, oy, oz, dx, dy, dz, q):
     """What a ray, from where and in what unit direction, meets first: its status, and what is known of that point in q."""
     ends_x, ends_y = field.cells.ends_u, field.cells.ends_v

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def rays_through(eye: Array, at: Array, rays: Array, turns: Array) -> None:
         turns[n, 1, 0], turns[n, 1, 1], turns[n, 1, 2] = -x * y / length, (1.0 - y * y) / length, -y * z / length
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def smallest_axis(eye, wanted, n, at_infinity):
     """The coordinate in which target n is nearest to the eye: misses are measured from it, for all rays to one target."""
     least, size = 0, np.inf
@@ -95,7 +95,7 @@ def smallest_axis(eye, wanted, n, at_infinity):
     return least
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def miss_of(wanted, n, at_infinity, point, direction, least, miss, axes):
     """`misses` of one ray into miss (2,) and axes (9,), of which the last three are τ; its reach."""
     to_x, to_y, to_z = wanted[n, 0], wanted[n, 1], wanted[n, 2]
@@ -133,7 +133,7 @@ def misses(eye: Array, wanted: Array, at_infinity: bool, points: Array, directio
                 axes[n, k, c] = across[3 * k + c]
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def newton_step(s00, s01, s10, s11, missed, longest, step):
     """`newton_steps` of one ray whose misses change by (s00, s10) and (s01, s11)."""
     determinant = s00 * s11 - s01 * s10

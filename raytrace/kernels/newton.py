@@ -23,13 +23,13 @@ from raytrace.kernels.blocks import (
     T,
     Z,
 )
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import inner
 from raytrace.kernels.outcomes import ACCEPTED, RESIDUAL
 
 MOST_ADDED = 0.1  # of a step, that the second derivative may add to it
 
 
-@compiled(fastmath={"contract"}, inline="always")
+@inner(fastmath={"contract"}, forceinline=True)
 def begin_newton(w):
     """What a residual height has to be below, squared, for rays at T; nothing has been missed yet."""
     for m in range(BLOCK):
@@ -38,7 +38,7 @@ def begin_newton(w):
         w[MISS + m] = np.inf
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _tangent_step(w):
     """Newton's own step, to where rays meet the tangent planes."""
     moving = 0
@@ -57,7 +57,7 @@ def _tangent_step(w):
     return moving
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _bent_step(bend, twist, w):
     """Chebyshev's step, with f'' from the two places that were evaluated last, from one to the other of which STEP led.
 
@@ -92,7 +92,7 @@ def _bent_step(bend, twist, w):
     return moving
 
 
-@compiled(_nrt=False)
+@inner()
 def newton_step(field, second, w):
     """Move T to where the rays meet the sheet, from its heights and slopes at (X, Y), and take the slopes along (`_bent_step`).
 

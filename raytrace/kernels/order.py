@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import BLOCK, Results, at
 from raytrace.kernels.cells import MAX_CELLS, cell_at, span
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 
 Array = NDArray[np.float64]
 Order = NDArray[np.int32]
@@ -79,7 +79,7 @@ def room(n: int) -> Room:
     return found
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _places(cells, origins, directions, start, stop, places):
     """(u, v) of rays start … stop, within the sheet's; rays that go nowhere may lie anywhere."""
     plane, along_u, along_v = cells.plane, cells.along_u, cells.along_v
@@ -95,7 +95,7 @@ def _places(cells, origins, directions, start, stop, places):
         places[2 * n + 1] = min(max(along_v[0] + along_v[1] * x + along_v[2] * y + along_v[3] * z, v_min), v_max)
 
 
-@compiled(_nrt=False)
+@inner()
 def _scattered(cells, places, start):
     """Whether the block of rays from start on lies over more cells than are taken as a whole."""
     u_low = v_low = np.inf

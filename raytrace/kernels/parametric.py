@@ -50,7 +50,7 @@ from raytrace.kernels.blocks import (
     work,
 )
 from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.lanes import RAYS, horner_apart, pitch
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.trimming import Strips, in_interior, inside
@@ -150,7 +150,7 @@ def surface(powers, parts, cells, w):
                                                      - w[P + 11 * BLOCK + m] * value) / weight
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def centred(patches, w):
     """Count origins from the surface's centre, and write the rounding of a distance from them into the row LIMIT_P."""
     centre = patches.centre
@@ -161,7 +161,7 @@ def centred(patches, w):
         w[LIMIT_P + m] = RESIDUAL * (patches.extent + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def from_plane(patches, w):
     """Parameters to begin from: of the plane through the sheet, by the affine map that is nearest to its parameters.
 
@@ -179,7 +179,7 @@ def from_plane(patches, w):
     return shallow
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def across(w):
     """Two directions across each ray: of the axes that are not nearest to it, and of the cross product with that."""
     for m in range(BLOCK):
@@ -193,7 +193,7 @@ def across(w):
         w[LAST + m] = np.inf
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def kept_near(patches, w):
     """A step may leave the surface by a little, where the end polynomials go on; not by more."""
     ends_u, ends_v = patches.cells.ends_u, patches.cells.ends_v
@@ -204,7 +204,7 @@ def kept_near(patches, w):
         w[V + m] = clamp(w[V + m], v_min - beyond_v, v_max + beyond_v)
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def residuals(w):
     """How far the points of the rows P are off their rays, across them, into NX and NY; how many are off by no rounding."""
     sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
@@ -221,7 +221,7 @@ def residuals(w):
     return moving
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def stepped(patches, w):
     """A step of Newton's from the residuals in NX and NY with the derivatives of the rows P."""
     ends_u, ends_v, closed = patches.cells.ends_u, patches.cells.ends_v, patches.closed
@@ -256,7 +256,7 @@ def refined(powers, parts, patches, w):
         stepped(patches, w)
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def met(patches, sign, one_sided, w):
     """Distances, points and normals that look back along the ray, from the rows P; the ray's share along outward into MISS.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import clamp
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.glass import PASSED, Sheets
 from raytrace.kernels.outcomes import HIT, LOST
 from raytrace.kernels.trimming import in_interior, inside
@@ -39,7 +39,7 @@ class Plate(NamedTuple):
     bounds: NDArray[np.float64]
 
 
-@compiled(_nrt=False)
+@inner()
 def _first_crossing(strips, u_0, v_0, u_1, v_1):
     """The share of a straight way in (u, v) at which it first crosses an edge of polygons; inf where it crosses none."""
     first, edges, last_strip = strips.first, strips.edges, strips.first.size - 2
@@ -65,7 +65,7 @@ def _first_crossing(strips, u_0, v_0, u_1, v_1):
     return best
 
 
-@compiled(_nrt=False)
+@inner()
 def _verdict(sheets, k, rays, status, directions, passed, rim):
     """Whether ray k is reflected inside all trimming, and not by a rim, from where it passes the untrimmed sheets."""
     u, v, x, y, out_u, out_v = (passed[PASSED * k], passed[PASSED * k + 1], passed[PASSED * k + 2], passed[PASSED * k + 3],
@@ -82,7 +82,7 @@ def _verdict(sheets, k, rays, status, directions, passed, rim):
     return SEEN if nz > rim * np.sqrt(nx * nx + ny * ny + nz * nz) else UNSEEN
 
 
-@compiled(_nrt=False)
+@inner()
 def _expected(sheets, a, b):
     """The share of the way between the rays of a bracket, a and b (6,), at which the first of the three trimmings ends it."""
     share = _first_crossing(sheets.front_strips, a[0], a[1], b[0], b[1])
@@ -90,7 +90,7 @@ def _expected(sheets, a, b):
     return min(share, _first_crossing(sheets.front_strips, a[4], a[5], b[4], b[5]))
 
 
-@compiled(_nrt=False)
+@inner()
 def _aim(eye, start, end, share, k, rays):
     for c in range(2):
         rays[3 * k + c] = start[c] + share * (end[c] - start[c]) - eye[c]
@@ -168,7 +168,7 @@ def narrow(plate, eye, starts, ends, going, count, shares, rays, status, directi
     return kept
 
 
-@compiled(_nrt=False)
+@inner()
 def _sides(bounds, eye, rays, k):
     """The sides of a box (2, 3) on which ray k passes it while it is between its lowest and its highest z: 1 to 8, added."""
     found = 0
@@ -191,7 +191,7 @@ def verdicts(plate, eye, rays, status, directions, passed, rim, found):
             found[k] = UNSEEN
 
 
-@compiled(_nrt=False)
+@inner()
 def _box(passed, corners, c):
     """From where to where the rays of a cell pass a sheet, and a little wider: coordinates c and c + 1."""
     u_low = v_low = np.inf

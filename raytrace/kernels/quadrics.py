@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.outcomes import BEHIND, HIT, INVALID, NEAREST_MM, OUTSIDE
 from raytrace.kernels.trees import Tree, entered, inverse, put_children
 from raytrace.kernels.trimming import Strips, odd_to_the_right
@@ -69,7 +69,7 @@ class Quadrics(NamedTuple):
     interior: Array
 
 
-@compiled(_nrt=False)
+@inner()
 def _within(strips, u, v):
     """Even-odd rule on the trimming polygon, whose upper end counts; an interior span says it at once."""
     first, low, inverse_height, interior = strips.first, strips.low, strips.inverse_height, strips.interior
@@ -83,7 +83,7 @@ def _within(strips, u, v):
     return odd_to_the_right(strips.edges, first[strip], first[strip + 1], u, v)
 
 
-@compiled(_nrt=False)
+@inner()
 def on_face(kind, strips, u_low, u_high, u, v):
     """Whether a place lies inside the loops, whose u may run over several turns."""
     if kind == PLANE:
@@ -101,7 +101,7 @@ def on_face(kind, strips, u_low, u_high, u, v):
     return False
 
 
-@compiled(_nrt=False)
+@inner()
 def _roots(kind, radius, ox, oy, oz, dx, dy, dz):
     """Distances along a ray at which it meets the whole quadric, nearer first, NaN for none; in the quadric's frame.
 
@@ -124,7 +124,7 @@ def _roots(kind, radius, ox, oy, oz, dx, dy, dz):
     return min(near, far), max(near, far)
 
 
-@compiled(_nrt=False)
+@inner()
 def _meet_one(face, n, origins, units, results):
     """What ray n meets of one quadric, into its results where it is nearer than what stands there."""
     kind, radius, centre, axes, outward = face.kind, face.radius, face.centre, face.axes, face.outward

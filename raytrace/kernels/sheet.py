@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.cells import AT_X, AT_Y, Z_X, Z_Y, Cells, Z, taylor_of_any
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.height_field import SHALLOWEST, HeightField
 from raytrace.kernels.height_field_search import HIT_T, HIT_X, HIT_Y, HIT_Z, RISE, search
 from raytrace.kernels.outcomes import ACCEPTED, HIT, INVALID, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
@@ -55,7 +55,7 @@ def meets_once(field, dx, dy, dz):
     return dz <= -SHALLOWEST and dz * dz > field.steepest * (dx * dx + dy * dy)
 
 
-@compiled(fastmath={"contract"}, _nrt=False, forceinline=True)
+@inner(fastmath={"contract"}, forceinline=True)
 def first_hit(s, ox, oy, oz, dx, dy, dz, start, q):
     """What a ray, from where and in what unit direction, meets first: its status, and what is known of that point in q.
 

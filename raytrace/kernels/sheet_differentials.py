@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.cells import HALF_XX, HALF_YY, XY, Z_X, Z_Y
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.eye_rays import turned
 from raytrace.kernels.height_field_search import HIT_T, KNOWN
 from raytrace.kernels.outcomes import HIT
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 NUMBERS = 21  # that `differential` works with
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def point_change(ray, q, turn, step):
     """How far the hit moves when the unit ray ω turns by δ: dP = t·(δ − ω·(n·δ)/(n·ω)), into step (3,)."""
     share = (turn[2] - turn[0] * q[Z_X] - turn[1] * q[Z_Y]) / (ray[2] - ray[0] * q[Z_X] - ray[1] * q[Z_Y])
@@ -29,7 +29,7 @@ def point_change(ray, q, turn, step):
         step[c] = q[HIT_T] * (turn[c] - ray[c] * share)
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def direction_change(ray, q, turn, step, bent):
     """How the reflected direction turns when ω turns by δ and the hit moves by dP, into bent (3,).
 
@@ -49,7 +49,7 @@ def direction_change(ray, q, turn, step, bent):
     bent[2] = turn[2] - 2.0 * twice * nz - 2.0 * along * bz
 
 
-@compiled(_nrt=False)
+@inner()
 def _frame(x, y, z, f):
     """To the right, level, and upward, as one looks along a unit direction, into f (6,)."""
     across = np.sqrt(x * x + y * y)
@@ -57,7 +57,7 @@ def _frame(x, y, z, f):
     f[3], f[4], f[5] = f[1] * z - f[2] * y, f[2] * x - f[0] * z, f[0] * y - f[1] * x
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def differential(q, ray, w, rotation, jacobian, shift):
     """How a ray that meets the sheet at what is in q leaves when it turns: jacobian, shift (2, 2); w (NUMBERS,) is written."""
     before, after, turn, step, bent = w[:6], w[6:12], w[12:15], w[15:18], w[18:21]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.cells import AT_X, AT_Y, Z_X, Z_Y, Z, taylor_of_any
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.height_field_search import HIT_T, HIT_X, HIT_Y, HIT_Z, KNOWN
 from raytrace.kernels.image_points import miss_of, newton_step, smallest_axis
 from raytrace.kernels.outcomes import HIT, MAX_STEPS
@@ -25,7 +25,7 @@ RAY, POINT, OUT, MISS, AXES, STEP, TURN, MOVED, BENT = 13, 16, 19, 22, 24, 33, 3
 NUMBERS = 44
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def aimed(w, ray, wanted, n, at_infinity, least):
     """Reflect the ray at its point, and by what it passes its target; (d·τ)/|T − P|."""
     out, q = w[OUT:MISS], w[:KNOWN]
@@ -33,7 +33,7 @@ def aimed(w, ray, wanted, n, at_infinity, least):
     return miss_of(wanted, n, at_infinity, w[POINT:OUT], out, least, w[MISS:AXES], w[AXES:STEP])
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def _newton(w, length, on_sheet, reach, longest):
     """Newton's step, no longer than `longest`, from the point whose ray the working array has.
 
@@ -66,7 +66,7 @@ def _newton(w, length, on_sheet, reach, longest):
     newton_step(s00, s01, s10, s11, w[MISS:AXES], longest, w[STEP:TURN])
 
 
-@compiled(fastmath={"contract"}, _nrt=False)
+@inner(fastmath={"contract"})
 def settle(w, s, eye, wanted, n, at_infinity, least, settled, passes, longest, reach, now):
     """Newton on the sheet's (x, y) itself, from what is near already: one look at the sheet a step, and no search.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import clamp
 from raytrace.kernels.cells import AT_X, AT_Y, Z_X, Z_Y, Z, taylor_of_any
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.eye_rays import NONE, Posed, ray_to
 from raytrace.kernels.sheet import Sheet, sheet_of
 
@@ -32,7 +32,7 @@ class Rim(NamedTuple):
     pieces: Index
 
 
-@compiled(_nrt=False)
+@inner()
 def _on_rim(r, k, t, at):
     """(x, y) at the share t of the curve from vertex k to the next, piece by piece."""
     along = t * r.pieces[k]
@@ -55,7 +55,7 @@ def rim_points(rim: Rim, vertex: Index, share: Array) -> Array:
     return at
 
 
-@compiled(_nrt=False)
+@inner()
 def _value(f, q, d):
     """f0 + f1..3·q + f4..6·d + f7..9·(q × d)."""
     return (f[0] + f[1] * q[0] + f[2] * q[1] + f[3] * q[2] + f[4] * d[0] + f[5] * d[1] + f[6] * d[2]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -82,13 +82,13 @@ def _plant(boxes, middles, leaf, order, nodes, links):
     return count
 
 
-@compiled(_nrt=False)
+@inner()
 def inverse(component):
     """1/d; a direction of no share along an axis gets one that is none, so that no zero is multiplied with infinity."""
     return 1.0 / (component if abs(component) > 1e-200 else 1e-200)
 
 
-@compiled(_nrt=False)
+@inner()
 def entered(boxes, k, ox, oy, oz, ix, iy, iz, farthest):
     """Distance at which a ray enters a box, by the inverse of its direction; inf where it does not before `farthest`."""
     a, b = (boxes[k, 0] - ox) * ix, (boxes[k, 3] - ox) * ix
@@ -100,7 +100,7 @@ def entered(boxes, k, ox, oy, oz, ix, iy, iz, farthest):
     return near if near <= far and far > 0.0 and near < farthest else np.inf
 
 
-@compiled(_nrt=False)
+@inner()
 def put_children(nodes, child, ox, oy, oz, ix, iy, iz, farthest, stack, entries, left):
     """Put those of two children on the stack that a ray enters, the nearer one last, since it is taken first; how many wait."""
     one = entered(nodes, child, ox, oy, oz, ix, iy, iz, farthest)

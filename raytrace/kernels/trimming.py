@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import clamp
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Strips(NamedTuple):
         return answer
 
 
-@compiled(_nrt=False)
+@inner()
 def odd_to_the_right(edges, start, stop, u, v):
     """Whether an odd number of edges start … stop lies to the right of (u, v)."""
     odd = False
@@ -50,7 +50,7 @@ def odd_to_the_right(edges, start, stop, u, v):
     return odd
 
 
-@compiled(_nrt=False)
+@inner()
 def inside(strips, u, v):
     """Even-odd rule on the polygons."""
     strip = int((v - strips.low) * strips.inverse_height)
@@ -66,7 +66,7 @@ def mark_inside(strips, u, v, answer):
         answer[n] = inside(strips, u[n], v[n])
 
 
-@compiled(_nrt=False)
+@inner()
 def in_interior(interior, low, inverse_height, u_low, u_high, v_low, v_high):
     """Whether a whole box lies in the part of its strips that no edge enters."""
     if not v_low > low:
