@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import shutil
 import time
@@ -115,6 +116,23 @@ def test_a_face_that_the_kernel_leaves_out_in_silence_is_an_error(good: str, tmp
     path.write_text(good[:at] + good[at:end].rsplit(",", 1)[0] + "))" + good[end:])
     with pytest.raises(FileError, match="cannot make its 'optical face'"):
         raytrace.load_reflector(path)
+
+
+def test_a_face_left_out_of_a_part_that_is_placed_twice_is_missed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A block and its copy are twelve faces of six statements: the two that are lost with one plane are told as one."""
+    from build123d import Box, Compound, Location, export_step
+
+    block = Box(40, 40, 10)
+    other = copy.copy(block)
+    other.location = Location((100, 0, 0))
+    path = tmp_path / "twice.step"
+    export_step(Compound(label="both", children=[block, other]), str(path))
+    whole, text = read_cad(path), path.read_text("ascii")
+    assert (len(whole.faces), text.count("ADVANCED_FACE("), whole.lost) == (12, 6, ())
+    monkeypatch.setattr("mirror_cad.cad_file.faults_of", lambda text: [])
+    path.write_text(_without(text, "PLANE"))
+    damaged = read_cad(path)
+    assert (len(damaged.faces), len(damaged.lost)) == (10, 1)
 
 
 def fuzzed(path: Path, text: str, seed: int) -> None:
@@ -258,6 +276,33 @@ def test_a_face_has_its_own_colour_and_layer_before_its_parts(tmp_path: Path) ->
     found = read_cad(tmp_path / "block.step").faces
     assert [face.colour for face in found] == [(0, 51 * k, 255) if k % 2 else (255, 255, 0) for k in range(6)]
     assert [face.layers for face in found] == [(f"side {k}", "block") if k % 3 == 0 else ("block",) for k in range(6)]
+
+
+def test_a_face_has_its_solids_colour_before_its_parts(tmp_path: Path) -> None:
+    """One part of two blocks, of which each has a colour of its own, and so has the part."""
+    from build123d import Box, Compound, Pos
+    from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_DocumentTool
+
+    from mirror_cad.occt.shapes import solids_of
+
+    document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colours = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    both = Compound(children=[Box(40, 40, 10), Pos(100, 0, 0) * Box(40, 40, 10), Pos(200, 0, 0) * Box(40, 40, 10)]).wrapped
+    part = shapes.AddShape(both, False)
+    colours.SetColor(part, Quantity_Color(1.0, 1.0, 0.0, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
+    for solid, red in zip(solids_of(both)[:2], (0.2, 0.4), strict=True):
+        colours.SetColor(shapes.AddSubShape(part, solid), Quantity_Color(red, 0.0, 1.0, Quantity_TOC_sRGB), XCAFDoc_ColorGen)
+    writer = STEPCAFControl_Writer()
+    writer.SetColorMode(True)
+    writer.Transfer(document)
+    writer.Write(str(tmp_path / "blocks.step"))
+    found = [face.colour for face in read_cad(tmp_path / "blocks.step").faces]
+    assert found == [(51, 0, 255)] * 6 + [(102, 0, 255)] * 6 + [(255, 255, 0)] * 6
 
 
 def test_faces_are_listed_with_what_they_are_called(assembly: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,8 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorGen, XCAFDoc_ColorSurf, XCAFDoc_ColorTool, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
+from mirror_cad.occt.shapes import anywhere
+
 Colour = tuple[int, int, int]
 
 
@@ -31,19 +33,19 @@ class Appearance:
             for having, has in ((self._coloured, _label_colour(label) is not None),
                                 (self._layered, self._layers.GetLayers(label, TDF_LabelSequence()))):
                 if has:
-                    having.add(_anywhere(XCAFDoc_ShapeTool.GetShape_s(label)))
+                    having.add(anywhere(XCAFDoc_ShapeTool.GetShape_s(label)))
             labels.Next()
 
     def colour(self, shapes: list[TopoDS_Shape], above: tuple[TDF_Label, ...]) -> Colour | None:
         """Of the first of the shapes that has one, else of the nearest label above that has."""
-        found = (self._colour_of(each) for each in shapes if _anywhere(each) in self._coloured)
+        found = (self._colour_of(each) for each in shapes if anywhere(each) in self._coloured)
         first = next((colour for colour in found if colour is not None), None)
         return first or next((c for c in (_label_colour(each) for each in reversed(above)) if c is not None), None)
 
     def layers(self, shapes: list[TopoDS_Shape], above: tuple[TDF_Label, ...]) -> tuple[str, ...]:
         """Names of the layers that a face, its solid or a part above it lies on."""
         found: dict[str, None] = {}
-        named = [each for each in shapes if _anywhere(each) in self._layered]
+        named = [each for each in shapes if anywhere(each) in self._layered]
         for each in (*(placed for shape in named for placed in (shape, shape.Located(TopLoc_Location()))), *above):
             labels = TDF_LabelSequence()
             if self._layers.GetLayers(each, labels):
@@ -61,11 +63,6 @@ class Appearance:
                 if self._colours.GetColor(placed, kind, colour):
                     return _rgb(colour)
         return None
-
-
-def _anywhere(shape: TopoDS_Shape) -> int:
-    """The same for a shape wherever it is placed and however it is turned. Shapes themselves are equal to none in a set."""
-    return hash(shape.Located(TopLoc_Location()))
 
 
 def _rgb(colour: Quantity_Color) -> Colour:

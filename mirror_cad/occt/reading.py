@@ -47,7 +47,7 @@ from mirror_cad.occt.convert import (
     is_reversed,
 )
 from mirror_cad.occt.offsets import fitted_bspline, offset_as_quadric, refuse_stray_edges
-from mirror_cad.occt.shapes import faces_of, solids_of
+from mirror_cad.occt.shapes import anywhere, faces_of, solids_of
 from mirror_cad.occt.tessellate import face_mesh, triangulate
 from mirror_cad.surfaces.quadric import Quadric
 
@@ -264,7 +264,7 @@ class _Statements:
 
     def lost(self, faces: list[TopoDS_Face]) -> list[str]:
         """The names of the faces that the kernel has left out without a word."""
-        if len({face.Located(TopLoc_Location()) for face in faces}) >= len(self._names):
+        if len({anywhere(face) for face in faces}) >= len(self._names):
             return []
         kept = {self._of(face) for face in faces}
         return [name for entity, name in self._names.items() if entity not in kept]
@@ -344,11 +344,11 @@ def _leaves(label: TDF_Label, location: TopLoc_Location, parts: tuple[str, ...],
 
 def _solid_of_each(shape: TopoDS_Shape) -> list[TopoDS_Shape | None]:
     """For every face of a shape, the solid that it bounds, in the order of `faces_of`."""
-    owners: dict[TopoDS_Shape, TopoDS_Shape] = {}
+    owners: dict[int, TopoDS_Shape] = {}
     for solid in solids_of(shape):
         for face in faces_of(solid):
-            owners.setdefault(face, solid)
-    return [owners.get(face) for face in faces_of(shape)]
+            owners.setdefault(hash(face), solid)  # by place too: faces themselves are equal to none
+    return [owners.get(hash(face)) for face in faces_of(shape)]
 
 
 def _label_name(label: TDF_Label) -> str:

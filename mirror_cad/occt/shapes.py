@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 
 
@@ -28,6 +29,11 @@ def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Solid]:
         found.append(TopoDS.Solid_s(explorer.Current()))
         explorer.Next()
     return found
+
+
+def anywhere(shape: TopoDS_Shape) -> int:
+    """The same for a shape wherever it is placed and however it is turned. Shapes themselves are equal to none in a set."""
+    return hash(shape.Located(TopLoc_Location()))
 
 
 def free_curves_of(shape: TopoDS_Shape, count: int) -> list[NDArray[np.float64]]:
