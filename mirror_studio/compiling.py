@@ -1,7 +1,9 @@
-"""Say that kernels are compiled, which a machine does once and which takes seconds."""
+"""Kernels are compiled, which a machine does once and which takes seconds: it is said, and done on two cores at once."""
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 import weakref
 from typing import Any, Protocol
@@ -41,3 +43,47 @@ def tell_of_compiling(told: Told) -> None:
 
         event.register("numba:compile", Listener())
         _listens = True
+
+
+# What processes beside compile, by the function of `raytrace.first_use` that does it.
+PARTS = ("compile_sheet", "compile_picture")
+LONGEST_S = 120.0  # that is waited for one of them: ten times what it takes
+_beside: list[subprocess.Popen[bytes]] = []
+
+
+def compile_beside() -> None:
+    """Where this machine has yet to compile what a first picture needs, begin with that in processes beside.
+
+    What they compile numba's cache keeps, and this process finds it there. One that cannot be started, or fails, leaves its
+    part to this process.
+    """
+    from raytrace.parallel import THREADS
+
+    if THREADS == 1:
+        return
+    from raytrace.first_use import is_first
+
+    if not is_first():
+        return
+    # What we import from, whatever lies in the current folder.
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    for part in PARTS:
+        try:
+            _beside.append(subprocess.Popen(
+                [sys.executable, "-P", "-c", f"from raytrace.first_use import {part}; {part}()"], stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": path}))
+        except OSError:
+            return
+
+
+def wait_for_compiled(told: Told) -> None:
+    """Wait until the processes beside, if there are any, have ended."""
+    if any(process.poll() is None for process in _beside):
+        told.compiling()
+    while _beside:
+        process = _beside.pop()
+        try:
+            process.wait(LONGEST_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

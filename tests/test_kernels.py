@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from raytrace.kernels import compiled
-from raytrace.kernels.blocks import BLOCK, MAX_ROWS, work
+from raytrace.kernels.blocks import BLOCK, MAX_ROWS, clamp, work
 from raytrace.kernels.image_points import nearest_rays, newton_step
 from raytrace.kernels.loops import extent, least_along
 from raytrace.kernels.plan import swept_lines
@@ -58,6 +59,24 @@ def test_a_change_in_a_kernel_that_another_calls_is_noticed(tmp_path: Path) -> N
     assert of_twice(tmp_path) == (6, 1)  # from the cache
     (package / "called.py").write_text(CALLED.format(5))
     assert of_twice(tmp_path) == (10, 0)
+
+
+def test_what_is_compiled_is_kept_by_one_process_at_a_time(tmp_path: Path) -> None:
+    def save(key: object, data: object) -> None:
+        handle = os.open(tmp_path, os.O_RDONLY)
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.close(handle)
+        kept.append((key, data))
+
+    kept: list[tuple[object, object]] = []
+    compiled._alone(save, str(tmp_path))("float64", b"code")
+    compiled._alone(lambda key, data: kept.append((key, data)), str(tmp_path / "none"))("int64", b"code")
+    assert kept == [("float64", b"code"), ("int64", b"code")]
+
+
+def test_python_gets_what_only_kernels_call_interpreted() -> None:
+    assert clamp(3.0, 0.0, 1.0) == 1.0  # there is no compiled way in: a call of that would end the process
 
 
 def test_a_threads_rows_begin_where_a_cache_line_does() -> None:
@@ -116,7 +135,8 @@ def test_a_step_of_newton_s_is_no_longer_than_it_may_be_and_points_where_it_did(
     assert step.tolist() == [3.0, 4.0]
     newton_step(2e-3, 0.0, 0.0, 5e-4, np.array([-6.0, -2.0]), 10.0, step)
     assert step == pytest.approx([6.0, 8.0], rel=1e-15)
-    newton_step(0.0, 0.0, 0.0, 0.0, np.array([-6.0, -2.0]), 10.0, step)
+    with np.errstate(invalid="ignore"):
+        newton_step(0.0, 0.0, 0.0, 0.0, np.array([-6.0, -2.0]), 10.0, step)
     assert step == pytest.approx([6.0, 8.0], rel=1e-15)  # where the derivatives fail it stays
 
 

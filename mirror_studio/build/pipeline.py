@@ -41,6 +41,7 @@ from mirror_studio.build.results import (
     TraceMetrics,
 )
 from mirror_studio.build.wanted import target_figures
+from mirror_studio.compiling import wait_for_compiled
 from mirror_studio.json_types import Json, JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.rules.of_spec import rule_of_spec, surface_lines
@@ -102,6 +103,7 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
         read_back, facets_back = reflected_surface(read_back), reflected_mesh(facets_back)
     progress.step(f"{name}: curvature deviation")
     deviation = mirror.deviation(read_back, facets_back)
+    wait_for_compiled(progress)
     progress.step(f"{name}: tracing the driver's view")
     reflector = reflector_of(step_file, spec.glass.index).moved(Placement.identity("file", spec.part.hand))
     view = _drivers_view(folder, mirror, reflector, picture, progress)

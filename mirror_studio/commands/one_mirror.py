@@ -32,6 +32,9 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
         from mirror_studio.report.pdf import check_pdf
 
         check_pdf()
+    from mirror_studio.compiling import compile_beside
+
+    compile_beside()
     from mirror_studio.as_json import metrics_as_json
     from mirror_studio.build.pipeline import build as run
 

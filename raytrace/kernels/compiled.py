@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
+import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -42,9 +45,33 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
         if hasattr(index, "_source_stamp"):
             index._source_stamp = (index._source_stamp, sources())
+            index.save = _alone(index.save, index._cache_path)
         return dispatcher
 
     return wrap
+
+
+def _alone(save: Callable[[object, object], None], folder: str) -> Callable[[object, object], None]:
+    """Keep what is compiled while no other process does so in the same folder.
+
+    Two that keep a function for two kinds of arguments at once would give both the same name, and one its code under the
+    other's kind.
+    """
+    def saved(key: object, data: object) -> None:
+        with contextlib.ExitStack() as held:
+            with contextlib.suppress(OSError):  # where there are no locks, it goes without, as numba does
+                handle = os.open(folder, os.O_RDONLY)
+                held.callback(os.close, handle)
+                fcntl.flock(handle, fcntl.LOCK_EX)
+            save(key, data)
+
+    return saved
+
+
+def is_kept(dispatcher: Any) -> bool:
+    """Whether this machine has compiled a function from these sources, for whatever arguments."""
+    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    return not hasattr(index, "_load_index") or bool(index._load_index())
 
 
 class _Inner(CPUDispatcher):  # type: ignore[misc]  # numba is not typed

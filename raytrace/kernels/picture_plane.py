@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import BLOCK, DX, DY, DZ, OX, OY, OZ, RX, RY, RZ, V0, V1, X, Y, at, clamp, work
-from raytrace.kernels.compiled import compiled
+from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.lanes import RAYS, load_three
 from raytrace.kernels.outcomes import HIT
 
@@ -50,7 +50,7 @@ def _word(typing_context, picture, begin):
     return types.int64(picture, begin), generate
 
 
-@compiled(_nrt=False, forceinline=True)
+@inner(forceinline=True)
 def _landing(place, z, w, m):
     """Column and row where lane m meets the plane, from the middle of the first element; whether they lie on the picture."""
     t = (z - w[OZ + m]) / w[DZ + m]
@@ -61,7 +61,7 @@ def _landing(place, z, w, m):
     return column, row, (t > 0.0) & (t < np.inf) & across & down
 
 
-@compiled(_nrt=False)
+@inner()
 def _land(place, z, w):
     """Columns and rows of a block, within the picture, into the rows V0 and V1; how many lie on the picture."""
     count = 0
@@ -72,7 +72,7 @@ def _land(place, z, w):
     return count
 
 
-@compiled(_nrt=False)
+@inner()
 def _blend(place, w, words):
     """Colours of a block at columns V0 and rows V1 into the rows RX, RY, RZ; for pictures of two rows and columns at least."""
     picture, columns = place.picture, place.columns
@@ -98,7 +98,7 @@ def _blend(place, w, words):
                      + beneath * (lower >> 16 & 255) + corner * (lower >> 40 & 255))
 
 
-@compiled(_nrt=False)
+@inner()
 def _colour(place, column, row):
     """`_blend` for one place; the picture may have one row or column."""
     picture, columns, rows = place.picture, place.columns, place.rows
@@ -117,7 +117,7 @@ def _colour(place, column, row):
             + beneath * picture[m + below + 2] + corner * picture[m + below + right + 2])
 
 
-@compiled(_nrt=False)
+@inner()
 def _one_by_one(status, start, count, z, inner, outer, background, beside, w):
     """Colours of a block's rays of which not all see the same picture into the rows RX, RY, RZ."""
     for m in range(count):
