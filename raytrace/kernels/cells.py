@@ -96,8 +96,8 @@ def _locate(powers, cells, x, y, q):
 
 
 @inner(fastmath={"contract"}, forceinline=True)
-def _expand(powers, flat, base, a, b, q):
-    """A polynomial in a and b, whose coefficients begin at base, its derivatives and half its second ones into q."""
+def expand(powers, flat, base, a, b, q):
+    """A polynomial in a and b, whose coefficients begin at base, its derivatives and half its second ones into q, from Z on."""
     z = z_a = z_b = z_aa = z_ab = z_bb = 0.0
     for r in range(powers):
         row, slope, bend = flat[base + r], 0.0, 0.0
@@ -118,7 +118,7 @@ def _expand(powers, flat, base, a, b, q):
 def taylor(powers, cells, x, y, q):
     """z, z_x, z_y, z_xx/2, z_xy, z_yy/2 at the point of a height field nearest to (x, y), then that point's x and y: q (8,)."""
     base, a, b = _locate(powers, cells, x, y, q)
-    _expand(powers, cells.coefficients, base, a, b, q)
+    expand(powers, cells.coefficients, base, a, b, q)
 
 
 @inner(fastmath={"contract"})
@@ -129,10 +129,10 @@ def taylor_of_any(cells, x, y, q):
     """
     base, a, b = _locate(cells.powers, cells, x, y, q)
     if cells.powers == 6:
-        _expand(6, cells.coefficients, base, a, b, q)
+        expand(6, cells.coefficients, base, a, b, q)
     elif cells.powers == 4:
-        _expand(4, cells.coefficients, base, a, b, q)
+        expand(4, cells.coefficients, base, a, b, q)
     elif cells.powers == 8:
-        _expand(8, cells.coefficients, base, a, b, q)
+        expand(8, cells.coefficients, base, a, b, q)
     else:
-        _expand(cells.powers, cells.coefficients, base, a, b, q)
+        expand(cells.powers, cells.coefficients, base, a, b, q)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mirror_cad.surfaces.differential import normals
 from raytrace.errors import TraceError
-from raytrace.kernels import glass, plate_edge
+from raytrace.kernels import glass, plate_edge, plate_entry
 from raytrace.kernels.glass import Sheets
 from raytrace.kernels.order import SortingGrid
 from raytrace.rays import Index, Mask, Rays, Status, Trace
@@ -23,8 +23,8 @@ from raytrace.surfaces.rim import Curve
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Rays inside the glass that are taken face by face are started this far before the face they leave, as a share of the back's
-# size: what they meet lies behind the start, however thin the glass and whatever rounding does.
+# Rays inside the glass that are taken face by face are started this far before the face they leave, as a share of the size
+# of the back's domain: what they meet lies behind the start, however thin the glass and whatever rounding does.
 RUN_UP = 0.01
 BESIDE_MM = 0.1  # beside the front's outline, which is known by points: nothing of the front is there
 MAX_STEPS = 12  # of Newton for the path through the glass: from the place right above, four or five serve
@@ -135,11 +135,11 @@ class Plate(OpticalSurface):
 
     def face_by_face(self, rays: Rays, out: Trace) -> None:
         """The same for any faces: all rays to one, then those that are left to the next."""
-        outline = self.back.outline()
-        run_up = RUN_UP * float(np.linalg.norm(outline.max(axis=0) - outline.min(axis=0)))
+        x_min, x_max, y_min, y_max = self.back.domain
+        run_up = RUN_UP * float(np.hypot(x_max - x_min, y_max - y_min))
         self.front.first_hits(rays, out)
         inside = np.flatnonzero(out.status == Status.REFLECTED)
-        units = rays.directions[inside] / np.linalg.norm(rays.directions[inside], axis=1, keepdims=True)
+        _, units, _ = rays.some(inside).units()
         down, _ = refract(units, out.normals[inside], 1.0 / self.index)
         turning = _from_before(self.back, out.points[inside], down, run_up)
         inside = _still(out, inside, turning.status)
@@ -265,8 +265,7 @@ class Plate(OpticalSurface):
     def eye_rays(self, eye: Array, x: Array, y: Array) -> Array:
         """Find the directions from an eye to where the front lets rays in that are reflected at points of the back.
 
-        By Fermat's principle: with P the point on the back and F(u, v) on the front, n·|F − P| + |F − eye| is stationary in
-        (u, v); Newton on its two derivatives, from the point right above.
+        By Fermat's principle (`raytrace.kernels.plate_entry`), from the point right above.
 
         Parameters
         ----------
@@ -277,38 +276,13 @@ class Plate(OpticalSurface):
         -------
         (n, 3), of any length; NaN where no such point is on the front's sheet, and for faces that are no B-splines over (x, y).
         """
-        if not (isinstance(self.front, BSplineFace) and isinstance(self.back, BSplineFace) and self.back.is_graph):
+        front, back = self.front, self.back
+        if not (isinstance(front, BSplineFace) and isinstance(back, BSplineFace) and back.is_graph):
             return np.full((len(x), 3), np.nan)
-        front, (x_min, x_max, y_min, y_max) = self.front.surface, self.domain
-        known = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
-        x, y = np.where(known, x, x_min), np.where(known, y, y_min)
-        place = self.back.surface.evaluate(x, y)
-        u_min, u_max, v_min, v_max = front.domain
-        u, v = np.array(x, dtype=np.float64), np.array(y, dtype=np.float64)
-        size = np.full(u.shape, np.inf)
-        for _ in range(MAX_STEPS):
-            d = front.derivatives(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
-            pull = np.zeros_like(d["s"])
-            bend = np.zeros((*u.shape, 3, 3))
-            for end, index in ((place, self.index), (eye, 1.0)):
-                along = d["s"] - end
-                length = np.linalg.norm(along, axis=-1)[..., None]
-                along /= length
-                pull += index * along
-                bend += index * (np.eye(3) - along[..., :, None] * along[..., None, :]) / length[..., None]
-            g_u, g_v = (np.einsum("...i,...i->...", pull, d[key]) for key in ("u", "v"))
-            h_uu, h_uv, h_vv = (np.einsum("...i,...ij,...j->...", d[a], bend, d[b])
-                                + np.einsum("...i,...i->...", pull, d[a + b])
-                                for a, b in ("uu", "uv", "vv"))
-            determinant = h_uu * h_vv - h_uv * h_uv
-            step_u, step_v = (h_vv * g_u - h_uv * g_v) / determinant, (h_uu * g_v - h_uv * g_u) / determinant
-            u, v = u - step_u, v - step_v
-            size = np.hypot(step_u, step_v)
-            if (size <= STEP_MM).all():
-                break
-        found = (size <= STEP_MM) & (u >= u_min) & (u <= u_max) & (v >= v_min) & (v <= v_max)
-        ends = front.evaluate(np.clip(u, u_min, u_max), np.clip(v, v_min, v_max))
-        return np.where((found & known)[:, None], ends - eye, np.nan)
+        rays = plate_entry.rays_through(front.patches, self.index, eye, back.evaluate(x, y), MAX_STEPS, STEP_MM)
+        x_min, x_max, y_min, y_max = self.domain
+        rays[~((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max))] = np.nan
+        return rays
 
 
 def _still(trace: Trace, index: Index, status: NDArray[np.int8]) -> Index:
