@@ -1,4 +1,4 @@
-"""What rays see of a picture on a plane z = const, linear between its elements: sixteen at a time that all see one picture."""
+"""What rays see of a picture on a plane z = const, linear between its elements: sixteen rays at a time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from raytrace.kernels.blocks import BLOCK, DX, DY, DZ, OX, OY, OZ, RX, RY, RZ, V0, V1, X, Y, at, clamp, work
+from raytrace.kernels.blocks import BLOCK, DX, DY, DZ, OX, OY, OZ, RX, RY, RZ, V0, V1, V2, T, X, Y, at, clamp, work
 from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.lanes import RAYS, load_three
 from raytrace.kernels.outcomes import HIT
@@ -20,12 +20,18 @@ Array = NDArray[np.float64]
 
 ELEMENT = 3  # bytes: red, green and blue
 WORD = 8  # bytes that are read at once: an element, its neighbour on the right, and two more
+LEAST = 2  # rows and columns that are kept of a picture: of one alone, twice the same
 
 
 class OnPlane(NamedTuple):
-    """A picture on a plane: its bytes, columns and rows, where its left and top are, mm, and elements a mm.
+    """A picture on a plane, seen in a mirror: its left is at the largest X.
 
-    It is seen in a mirror: its left is at the largest X.
+    Attributes
+    ----------
+    picture : its bytes, row by row, LEAST rows and columns at least.
+    columns, rows : how many elements it has.
+    x_max, y_max : where its left and top are, mm.
+    per_mm : elements a mm.
     """
 
     picture: NDArray[np.uint8]
@@ -34,6 +40,14 @@ class OnPlane(NamedTuple):
     x_max: float
     y_max: float
     per_mm: float
+
+    @staticmethod
+    def of(picture: NDArray[np.uint8], x_max: float, y_max: float, per_mm: float) -> OnPlane:
+        """That of a picture (rows, columns, 3)."""
+        rows, columns, _ = picture.shape
+        if min(rows, columns) < LEAST:
+            picture = np.pad(picture, ((0, max(0, LEAST - rows)), (0, max(0, LEAST - columns)), (0, 0)), mode="edge")
+        return OnPlane(picture.ravel(), columns, rows, x_max, y_max, per_mm)
 
 
 NOTHING = OnPlane(np.zeros(0, dtype=np.uint8), 1, 0, 0.0, 0.0, 1.0)
@@ -50,117 +64,84 @@ def _word(typing_context, picture, begin):
     return types.int64(picture, begin), generate
 
 
-@inner(forceinline=True)
-def _landing(place, z, w, m):
-    """Column and row where lane m meets the plane, from the middle of the first element; whether they lie on the picture."""
-    t = (z - w[OZ + m]) / w[DZ + m]
-    column = (place.x_max - w[OX + m] - t * w[DX + m]) * place.per_mm - 0.5
-    row = (place.y_max - w[OY + m] - t * w[DY + m]) * place.per_mm - 0.5
-    across = (column >= -0.5) & (column <= place.columns - 0.5)
-    down = (row >= -0.5) & (row <= place.rows - 0.5) & (place.rows > 0)
-    return column, row, (t > 0.0) & (t < np.inf) & across & down
-
-
 @inner()
 def _land(place, z, w):
-    """Columns and rows of a block, within the picture, into the rows V0 and V1; how many lie on the picture."""
+    """Where a block's rays meet the plane: columns and rows, from the middle of the first element, into the rows V0 and V1.
+
+    Row V2 becomes 1 for rays without a colour that the picture has one for, else 0. Returns its sum.
+    """
     count = 0
     for m in range(BLOCK):
-        column, row, on = _landing(place, z, w, m)
-        count += int(on)
-        w[V0 + m], w[V1 + m] = clamp(column, 0.0, place.columns - 1.0), clamp(row, 0.0, place.rows - 1.0)
+        t = (z - w[OZ + m]) / w[DZ + m]
+        column = (place.x_max - w[OX + m] - t * w[DX + m]) * place.per_mm - 0.5
+        row = (place.y_max - w[OY + m] - t * w[DY + m]) * place.per_mm - 0.5
+        across = (column >= -0.5) & (column <= place.columns - 0.5)
+        down = (row >= -0.5) & (row <= place.rows - 0.5) & (place.rows > 0)
+        met = (w[T + m] > 0.0) & (t > 0.0) & (t < np.inf) & across & down
+        w[V0 + m] = clamp(column, 0.0, place.columns - 1.0) if met else 0.0
+        w[V1 + m] = clamp(row, 0.0, place.rows - 1.0) if met else 0.0
+        w[V2 + m] = 1.0 if met else 0.0
+        count += int(met)
     return count
 
 
 @inner()
 def _blend(place, w, words):
-    """Colours of a block at columns V0 and rows V1 into the rows RX, RY, RZ; for pictures of two rows and columns at least."""
-    picture, columns = place.picture, place.columns
-    below, last = ELEMENT * columns, picture.size - WORD
+    """Colours at columns V0 and rows V1 into the rows RX, RY, RZ where V2 says so."""
+    picture, pitch = place.picture, ELEMENT * max(place.columns, LEAST)
+    last = picture.size - WORD
     for m in range(BLOCK):
-        i, j = min(np.int64(w[V1 + m]), place.rows - 2), min(np.int64(w[V0 + m]), columns - 2)
+        i = min(np.int64(w[V1 + m]), max(place.rows, LEAST) - 2)
+        j = min(np.int64(w[V0 + m]), max(place.columns, LEAST) - 2)
         w[X + m], w[Y + m] = w[V0 + m] - j, w[V1 + m] - i
-        words[m] = ELEMENT * (i * columns + j)
+        words[m] = ELEMENT * j + pitch * i
     for m in range(BLOCK):
         begin = at(words[m])
-        beneath = min(begin + below, last)  # the word of the last element of all would go beyond the picture
+        beneath = min(begin + pitch, last)  # the word of the last element of all would go beyond the picture
         words[m] = _word(picture, begin)
-        words[BLOCK + m] = _word(picture, beneath) >> 8 * (begin + below - beneath)
+        words[BLOCK + m] = _word(picture, beneath) >> 8 * (begin + pitch - beneath)
     for m in range(BLOCK):
-        across, down, upper, lower = w[X + m], w[Y + m], words[m], words[BLOCK + m]
+        across, down, upper, lower, met = w[X + m], w[Y + m], words[m], words[BLOCK + m], w[V2 + m] > 0.0
         here, right = (1.0 - down) * (1.0 - across), (1.0 - down) * across
         beneath, corner = down * (1.0 - across), down * across
-        w[RX + m] = (here * (upper & 255) + right * (upper >> 24 & 255)
-                     + beneath * (lower & 255) + corner * (lower >> 24 & 255))
-        w[RY + m] = (here * (upper >> 8 & 255) + right * (upper >> 32 & 255)
-                     + beneath * (lower >> 8 & 255) + corner * (lower >> 32 & 255))
-        w[RZ + m] = (here * (upper >> 16 & 255) + right * (upper >> 40 & 255)
-                     + beneath * (lower >> 16 & 255) + corner * (lower >> 40 & 255))
-
-
-@inner()
-def _colour(place, column, row):
-    """`_blend` for one place; the picture may have one row or column."""
-    picture, columns, rows = place.picture, place.columns, place.rows
-    right, below = ELEMENT * min(columns - 1, 1), ELEMENT * columns * min(rows - 1, 1)  # from an element to the next ones
-    column, row = clamp(column, 0.0, columns - 1.0), clamp(row, 0.0, rows - 1.0)
-    i, j = min(int(row), max(rows - 2, 0)), min(int(column), max(columns - 2, 0))
-    across, down = column - j, row - i
-    m = at(ELEMENT * (i * columns + j))
-    here, beside = (1.0 - down) * (1.0 - across), (1.0 - down) * across
-    beneath, corner = down * (1.0 - across), down * across
-    return (here * picture[m] + beside * picture[m + right]
-            + beneath * picture[m + below] + corner * picture[m + below + right],
-            here * picture[m + 1] + beside * picture[m + right + 1]
-            + beneath * picture[m + below + 1] + corner * picture[m + below + right + 1],
-            here * picture[m + 2] + beside * picture[m + right + 2]
-            + beneath * picture[m + below + 2] + corner * picture[m + below + right + 2])
-
-
-@inner()
-def _one_by_one(status, start, count, z, inner, outer, background, beside, w):
-    """Colours of a block's rays of which not all see the same picture into the rows RX, RY, RZ."""
-    for m in range(count):
-        if status[start + m] != HIT:
-            w[RX + m], w[RY + m], w[RZ + m] = background[0], background[1], background[2]
-            continue
-        column, row, on = _landing(inner, z, w, m)
-        if on:
-            w[RX + m], w[RY + m], w[RZ + m] = _colour(inner, column, row)
-            continue
-        column, row, on = _landing(outer, z, w, m)
-        if on:
-            w[RX + m], w[RY + m], w[RZ + m] = _colour(outer, column, row)
-        else:
-            w[RX + m], w[RY + m], w[RZ + m] = beside[0], beside[1], beside[2]
+        red = (here * (upper & 255) + right * (upper >> 24 & 255)
+               + beneath * (lower & 255) + corner * (lower >> 24 & 255))
+        green = (here * (upper >> 8 & 255) + right * (upper >> 32 & 255)
+                 + beneath * (lower >> 8 & 255) + corner * (lower >> 32 & 255))
+        blue = (here * (upper >> 16 & 255) + right * (upper >> 40 & 255)
+                + beneath * (lower >> 16 & 255) + corner * (lower >> 40 & 255))
+        w[RX + m], w[RY + m], w[RZ + m] = (red if met else w[RX + m], green if met else w[RY + m], blue if met else w[RZ + m])
+        w[T + m] = 0.0 if met else w[T + m]
 
 
 @compiled(nogil=True, _nrt=False)
 def _add_colours(w, words, status, points, directions, z, inner, outer, background, beside, sums, samples):
     rays, pixel, taken = status.size, 0, 0
-    blends = inner.columns > 1 and inner.rows > 1
-    blends_outer = outer.columns > 1 and outer.rows > 1
     for start in range(0, rays, BLOCK):
         count = min(BLOCK, rays - start)
-        k, hits = at(3 * start), 0
+        n, k = at(start), at(3 * start)
         if count == BLOCK:
             for m in range(0, BLOCK, RAYS):
                 load_three(points, k + 3 * m, w, OX + m, OY + m, OZ + m)
                 load_three(directions, k + 3 * m, w, DX + m, DY + m, DZ + m)
-            for m in range(BLOCK):
-                hits += int(status[at(start) + m] == HIT)
         else:
             for m in range(count):
-                n = at(k + 3 * m)
-                w[OX + m], w[OY + m], w[OZ + m] = points[n], points[n + 1], points[n + 2]
-                w[DX + m], w[DY + m], w[DZ + m] = directions[n], directions[n + 1], directions[n + 2]
-        on_inner = _land(inner, z, w) if hits == BLOCK and blends else 1
-        if on_inner == BLOCK:
-            _blend(inner, w, words)
-        elif on_inner == 0 and blends_outer and _land(outer, z, w) == BLOCK:
-            _blend(outer, w, words)
-        else:
-            _one_by_one(status, start, count, z, inner, outer, background, beside, w)
+                r = at(k + 3 * m)
+                w[OX + m], w[OY + m], w[OZ + m] = points[r], points[r + 1], points[r + 2]
+                w[DX + m], w[DY + m], w[DZ + m] = directions[r], directions[r + 1], directions[r + 2]
+        left = 0  # without a colour, which row T tells
+        for m in range(BLOCK):
+            reflected = m < count and status[n + min(m, count - 1)] == HIT
+            w[T + m] = 1.0 if reflected else 0.0
+            w[RX + m] = beside[0] if reflected else background[0]
+            w[RY + m] = beside[1] if reflected else background[1]
+            w[RZ + m] = beside[2] if reflected else background[2]
+            left += int(reflected)
+        for place in (inner, outer):
+            met = _land(place, z, w) if left > 0 else 0
+            if met > 0:
+                _blend(place, w, words)
+            left -= met
         for m in range(count):
             sums[pixel] += w[RX + m]
             sums[pixel + 1] += w[RY + m]

@@ -73,8 +73,7 @@ class ReferencePlane:
 
     def _on_plane(self) -> OnPlane:
         _, x_max, _, y_max = self.bounds()
-        rows, columns, _ = self.picture.shape
-        return OnPlane(self.picture.ravel(), columns, rows, x_max, y_max, columns / self.width_mm)
+        return OnPlane.of(self.picture, x_max, y_max, self.picture.shape[1] / self.width_mm)
 
     def to_display(self, means: Array) -> Picture:
         """The nearest bytes."""
