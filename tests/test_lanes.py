@@ -10,7 +10,8 @@ from mirror_cad.surfaces.bspline import BSplineSurface
 from raytrace.kernels.blocks import BLOCK, V0, V1, V2, ZX, ZY, Z
 from raytrace.kernels.cells import PADDED_POWERS, Cells, horner, taylor_of_any
 from raytrace.kernels.compiled import compiled
-from raytrace.kernels.lanes import RAYS, horner_apart, pitch
+from raytrace.kernels.lanes import horner_apart, pitch
+from raytrace.kernels.vectors import RAYS
 from raytrace.surfaces.polynomials import height_field_of
 
 CELLS = 5

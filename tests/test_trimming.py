@@ -24,6 +24,15 @@ def test_a_vertex_as_high_as_a_point_counts_once() -> None:
         np.testing.assert_array_equal(trimming.contains(u, np.full_like(u, v)), is_inside(SAW, u, np.full_like(u, v)), str(v))
 
 
+def test_nothing_is_inside_just_below_the_first_strip_nor_above_the_last() -> None:
+    trimming = Trimming.of((SAW,), 24)
+    low, high, height = *trimming.box[2:], 1.0 / trimming.strips.inverse_height
+    u = np.linspace(-1.0, 5.0, 301)
+    assert trimming.contains(u, np.full_like(u, low + 0.01 * height)).any()
+    for v in (low - 0.5 * height, np.nextafter(low, -np.inf), np.nextafter(high, np.inf), high + 0.5 * height, np.nan):
+        assert not trimming.contains(u, np.full_like(u, v)).any(), v
+
+
 @pytest.mark.parametrize(("strips", "least"), [(2048, 0.5), (24, 0.1)])
 @pytest.mark.parametrize("seed", range(8))
 def test_all_of_an_interior_span_is_inside(seed: int, strips: int, least: float) -> None:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.kernels.compiled import compiled, inner
-from raytrace.kernels.lanes import RAYS, load_three, store_three
+from raytrace.kernels.lanes import load_three, store_three
 from raytrace.kernels.outcomes import BEHIND, HIT, INVALID
+from raytrace.kernels.vectors import RAYS, count_of, eight, ends_of, maximum, minimum, put, root, size
 
 Array = NDArray[np.float64]
 
@@ -98,22 +99,19 @@ def clamp(x, low, high):
 
 @inner()
 def box(w, first, second):
-    """Smallest and largest value of two rows, halved and halved again: a plain reduction would go one by one.
+    """Smallest and largest value of two rows. A NaN may give anything: indices made of it are clamped."""
+    a, b, c, d = eight(w, first), eight(w, first + RAYS), eight(w, second), eight(w, second + RAYS)
+    return ends_of(minimum(a, b), maximum(a, b), minimum(c, d), maximum(c, d))
 
-    A NaN may give anything: indices made of it are clamped.
-    """
-    for m in range(BLOCK // 2):
-        a, b, c, d = w[first + m], w[first + BLOCK // 2 + m], w[second + m], w[second + BLOCK // 2 + m]
-        w[V0 + m], w[V1 + m], w[V2 + m], w[RX + m] = min(a, b), max(a, b), min(c, d), max(c, d)
-    for m in range(BLOCK // 4):
-        k = BLOCK // 4 + m
-        w[V0 + m], w[V1 + m] = min(w[V0 + m], w[V0 + k]), max(w[V1 + m], w[V1 + k])
-        w[V2 + m], w[RX + m] = min(w[V2 + m], w[V2 + k]), max(w[RX + m], w[RX + k])
-    a_low, a_high, b_low, b_high = w[V0], w[V1], w[V2], w[RX]
-    for m in range(1, BLOCK // 4):
-        a_low, a_high = min(a_low, w[V0 + m]), max(a_high, w[V1 + m])
-        b_low, b_high = min(b_low, w[V2 + m]), max(b_high, w[RX + m])
-    return a_low, a_high, b_low, b_high
+
+@inner(fastmath={"contract"})
+def go_along(w):
+    """Points (X, Y) of the rays at T, and their box."""
+    for m in range(0, BLOCK, RAYS):
+        t = eight(w, T + m)
+        put(w, X + m, eight(w, OX + m) + t * eight(w, DX + m))
+        put(w, Y + m, eight(w, OY + m) + t * eight(w, DY + m))
+    return box(w, X, Y)
 
 
 @inner()
@@ -146,8 +144,10 @@ def load(origins, directions, start, count, w):
             n = at(k + 3 * min(m, count - 1))
             w[DX + m], w[DY + m], w[DZ + m] = directions[n], directions[n + 1], directions[n + 2]
     if origins.size == 3:
-        for m in range(BLOCK):
-            w[OX + m], w[OY + m], w[OZ + m] = origins[0], origins[1], origins[2]
+        for m in range(0, BLOCK, RAYS):
+            put(w, OX + m, origins[0])
+            put(w, OY + m, origins[1])
+            put(w, OZ + m, origins[2])
     elif count == BLOCK:
         for m in range(0, BLOCK, RAYS):
             load_three(origins, k + 3 * m, w, OX + m, OY + m, OZ + m)
@@ -155,15 +155,16 @@ def load(origins, directions, start, count, w):
         for m in range(BLOCK):
             n = at(k + 3 * min(m, count - 1))
             w[OX + m], w[OY + m], w[OZ + m] = origins[n], origins[n + 1], origins[n + 2]
-    odd = 0
-    for m in range(BLOCK):
-        square = w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m] + w[DZ + m] * w[DZ + m]
-        scale = 1.0 / np.sqrt(square)
-        w[DX + m] *= scale
-        w[DY + m] *= scale
-        w[DZ + m] *= scale
-        finite = abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]) < np.inf
-        odd += 1 - int((square > 1e-200) & (square < 1e200) & finite)
+    odd = BLOCK
+    for m in range(0, BLOCK, RAYS):
+        x, y, z = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        square = x * x + y * y + z * z
+        scale = 1.0 / root(square)
+        put(w, DX + m, x * scale)
+        put(w, DY + m, y * scale)
+        put(w, DZ + m, z * scale)
+        finite = size(eight(w, OX + m)) + size(eight(w, OY + m)) + size(eight(w, OZ + m)) < np.inf
+        odd -= count_of((square > 1e-200) & (square < 1e200) & finite)
     return odd
 
 
@@ -187,11 +188,13 @@ def fix_degenerate_rays(directions, start, count, w, state):
 @inner()
 def reflect(w):
     """r = d − 2(d·n)n."""
-    for m in range(BLOCK):
-        twice = 2.0 * (w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m])
-        w[RX + m] = w[DX + m] - twice * w[NX + m]
-        w[RY + m] = w[DY + m] - twice * w[NY + m]
-        w[RZ + m] = w[DZ + m] - twice * w[NZ + m]
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        nx, ny, nz = eight(w, NX + m), eight(w, NY + m), eight(w, NZ + m)
+        twice = 2.0 * (dx * nx + dy * ny + dz * nz)
+        put(w, RX + m, dx - twice * nx)
+        put(w, RY + m, dy - twice * ny)
+        put(w, RZ + m, dz - twice * nz)
 
 
 @inner()
@@ -203,8 +206,8 @@ def store_all(w, start, results):
         store_three(points, k + 3 * m, w, X + m, Y + m, Z + m)
         store_three(normals, k + 3 * m, w, NX + m, NY + m, NZ + m)
         store_three(reflected, k + 3 * m, w, RX + m, RY + m, RZ + m)
+        put(distances, n + m, eight(w, T + m))
     for m in range(BLOCK):
-        distances[n + m] = w[T + m]
         status[n + m] = HIT
 
 

@@ -170,7 +170,7 @@ def _keep(piece, first, edges, ray, ox, oy, oz, x, y, q, found):
     v = min(v, v_max) if v <= v_max + snap_v else v
     v = max(v, v_min) if v >= v_min - snap_v else v
     strip = int((v - sizes[LOW]) * sizes[INVERSE_HEIGHT])
-    if strip < 0 or strip >= counts[STRIPS] or v < sizes[LOW] \
+    if strip < 0 or strip >= counts[STRIPS] \
             or not odd_to_the_right(edges, first[counts[FIRST] + strip], first[counts[FIRST] + strip + 1], u, v):
         return
     nx, ny, nz = q[4] * q[8] - q[7] * q[5], q[7] * q[2] - q[1] * q[8], q[1] * q[5] - q[4] * q[2]

@@ -20,6 +20,9 @@ from raytrace.kernels.blocks import (
     OX,
     OY,
     OZ,
+    RX,
+    RY,
+    RZ,
     V0,
     V1,
     V2,
@@ -34,18 +37,19 @@ from raytrace.kernels.blocks import (
     box,
     clamp,
     fix_degenerate_rays,
+    go_along,
     load,
-    reflect,
     store,
     store_all,
     work,
 )
 from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner, taylor
 from raytrace.kernels.compiled import compiled, inner
-from raytrace.kernels.lanes import RAYS, horner_apart, pitch
+from raytrace.kernels.lanes import horner_apart, pitch
 from raytrace.kernels.newton import begin_newton, newton_step
 from raytrace.kernels.outcomes import ACCEPTED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
 from raytrace.kernels.trimming import Strips, in_interior, inside
+from raytrace.kernels.vectors import RAYS, count_of, eight, maximum, minimum, put, root, where
 
 Array = NDArray[np.float64]
 
@@ -78,13 +82,13 @@ class HeightField(NamedTuple):
 def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max, w):
     """z, z_x, z_y of one cell's polynomial, whose coefficients begin at base, at (X, Y) into the rows Z, ZX, ZY."""
     base = at(base)
-    for m in range(BLOCK):
-        x, y = clamp(w[X + m], x_min, x_max), clamp(w[Y + m], y_min, y_max)
-        a, b = x - centre_x, y - centre_y
-        z, z_a, z_b = horner(powers, flat, base, a, b)
-        w[Z + m] = z + z_a * (w[X + m] - x) + z_b * (w[Y + m] - y)
-        w[ZX + m] = z_a
-        w[ZY + m] = z_b
+    for m in range(0, BLOCK, RAYS):
+        at_x, at_y = eight(w, X + m), eight(w, Y + m)
+        x, y = minimum(maximum(at_x, x_min), x_max), minimum(maximum(at_y, y_min), y_max)
+        z, z_a, z_b = horner(powers, flat, base, x - centre_x, y - centre_y)
+        put(w, Z + m, z + z_a * (at_x - x) + z_b * (at_y - y))
+        put(w, ZX + m, z_a)
+        put(w, ZY + m, z_b)
 
 
 @inner(fastmath={"contract"}, forceinline=True)
@@ -99,9 +103,9 @@ def _evaluate_apart(powers, cells, w):
         w[V2 + m] = (i * (ends_y.size - 2) + j) * powers * pitch(powers)
     for m in range(0, BLOCK, RAYS):
         horner_apart(powers, flat, w, m, V2, V0, V1, Z, ZX, ZY)
-    for m in range(BLOCK):
-        x, y = clamp(w[X + m], x_min, x_max), clamp(w[Y + m], y_min, y_max)
-        w[Z + m] = w[Z + m] + w[ZX + m] * (w[X + m] - x) + w[ZY + m] * (w[Y + m] - y)
+        at_x, at_y = eight(w, X + m), eight(w, Y + m)
+        x, y = minimum(maximum(at_x, x_min), x_max), minimum(maximum(at_y, y_min), y_max)
+        put(w, Z + m, eight(w, Z + m) + eight(w, ZX + m) * (at_x - x) + eight(w, ZY + m) * (at_y - y))
 
 
 @inner(fastmath={"contract"}, forceinline=True)
@@ -120,14 +124,16 @@ def _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w):
             if covered > 1:
                 from_x = ends_x[i] if i > i_low else -np.inf
                 from_y = ends_y[j] if j > j_low else -np.inf
-                for m in range(BLOCK):
-                    mine = (w[X + m] >= from_x) & (w[Y + m] >= from_y)
-                    w[V0 + m] = w[Z + m] if mine else w[V0 + m]
-                    w[V1 + m] = w[ZX + m] if mine else w[V1 + m]
-                    w[V2 + m] = w[ZY + m] if mine else w[V2 + m]
+                for m in range(0, BLOCK, RAYS):
+                    mine = (eight(w, X + m) >= from_x) & (eight(w, Y + m) >= from_y)
+                    put(w, V0 + m, where(mine, eight(w, Z + m), eight(w, V0 + m)))
+                    put(w, V1 + m, where(mine, eight(w, ZX + m), eight(w, V1 + m)))
+                    put(w, V2 + m, where(mine, eight(w, ZY + m), eight(w, V2 + m)))
     if covered > 1:
-        for m in range(BLOCK):
-            w[Z + m], w[ZX + m], w[ZY + m] = w[V0 + m], w[V1 + m], w[V2 + m]
+        for m in range(0, BLOCK, RAYS):
+            put(w, Z + m, eight(w, V0 + m))
+            put(w, ZX + m, eight(w, V1 + m))
+            put(w, ZY + m, eight(w, V2 + m))
 
 
 @inner(fastmath={"contract"}, forceinline=True)
@@ -160,27 +166,65 @@ def _osculate(powers, cells, w, q):
 
 @inner(fastmath={"contract"})
 def _from_paraboloid(w, q):
-    """Take every ray to the paraboloid q: by its tangent plane, then twice with the same slope."""
+    """Take every ray to the paraboloid q: by its tangent plane, then twice with the same slope. The box of where they are."""
     z0, zx, zy, zxx, zxy, zyy, x, y = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
-    for m in range(BLOCK):
-        p, r, h = w[OX + m] - x, w[OY + m] - y, w[OZ + m] - z0
-        dx, dy, dz = w[DX + m], w[DY + m], w[DZ + m]
+    for m in range(0, BLOCK, RAYS):
+        p, r, h = eight(w, OX + m) - x, eight(w, OY + m) - y, eight(w, OZ + m) - z0
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
         inverse = 1.0 / (dz - zx * dx - zy * dy)
         t = (zx * p + zy * r - h) * inverse
         for _ in range(2):
             a, b = p + t * dx, r + t * dy
             t = t - (h + t * dz - a * (zx + zxx * a + zxy * b) - b * (zy + zyy * b)) * inverse
-        w[T + m] = t
-        w[X + m], w[Y + m] = w[OX + m] + t * dx, w[OY + m] + t * dy
+        put(w, T + m, t)
+    return go_along(w)
 
 
 @inner(fastmath={"contract"})
 def _from_above(top, w):
-    """Take every ray to the plane above the sheet."""
-    for m in range(BLOCK):
-        t = (top - w[OZ + m]) / w[DZ + m]
-        w[T + m] = t
-        w[X + m], w[Y + m] = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m]
+    """Take every ray to the plane above the sheet. The box of where they are."""
+    for m in range(0, BLOCK, RAYS):
+        put(w, T + m, (top - eight(w, OZ + m)) / eight(w, DZ + m))
+    return go_along(w)
+
+
+@inner(fastmath={"contract"})
+def shallow_rays(steepest, w):
+    """How many rays do not come down steeply enough, or could meet the sheet twice."""
+    shallow = BLOCK
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        shallow -= count_of((dz <= -SHALLOWEST) & (dz * dz > steepest * (dx * dx + dy * dy)))
+    return shallow
+
+
+@inner(fastmath={"contract"})
+def met(nearest, w):
+    """Heights, upward normals and reflected directions at T, and MISS 0 where a ray meets the sheet; how many do.
+
+    From above: all rays come down more steeply than the sheet does.
+
+    nearest : mm, what is no farther from the origin is not met.
+    """
+    good = 0
+    for m in range(0, BLOCK, RAYS):
+        t, dx, dy, dz = eight(w, T + m), eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        put(w, Z + m, eight(w, OZ + m) + t * dz)
+        z_x, z_y = eight(w, ZX + m), eight(w, ZY + m)
+        steep = 1.0 + z_x * z_x + z_y * z_y
+        upright = 1.0 / root(steep)
+        nx, ny = -z_x * upright, -z_y * upright
+        put(w, NX + m, nx)
+        put(w, NY + m, ny)
+        put(w, NZ + m, upright)
+        facing = dx * nx + dy * ny + dz * upright
+        put(w, RX + m, dx - 2.0 * facing * nx)
+        put(w, RY + m, dy - 2.0 * facing * ny)
+        put(w, RZ + m, dz - 2.0 * facing * upright)
+        found = (eight(w, MISS + m) <= ACCEPTED * ACCEPTED * eight(w, LIMIT + m) * steep) & (t > nearest)
+        put(w, MISS + m, where(found, 0.0, 1.0))
+        good += count_of(found)
+    return good
 
 
 def _kernel(powers):
@@ -201,10 +245,7 @@ def _kernel(powers):
             degenerate = load(origins, directions, start, count, w)
             if degenerate > 0:
                 fix_degenerate_rays(directions, start, count, w, state)
-            shallow = 0  # rays that do not come down steeply enough, or could meet the sheet twice
-            for m in range(BLOCK):
-                across = w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m]
-                shallow += 1 - int((w[DZ + m] <= -SHALLOWEST) & (w[DZ + m] * w[DZ + m] > steepest * across))
+            shallow = shallow_rays(steepest, w)
             if shallow > 0:
                 for m in range(BLOCK):
                     if degenerate == 0:
@@ -221,10 +262,9 @@ def _kernel(powers):
                     if stale:
                         _osculate(powers, cells, w, q)
                         stale = False
-                    _from_paraboloid(w, q)
+                    x_low, x_high, y_low, y_high = _from_paraboloid(w, q)
                 else:
-                    _from_above(field.top, w)
-                x_low, x_high, y_low, y_high = box(w, X, Y)
+                    x_low, x_high, y_low, y_high = _from_above(field.top, w)
                 together = x_high - x_low < near_x and y_high - y_low < near_y
                 if together == warm:
                     break
@@ -236,9 +276,6 @@ def _kernel(powers):
             was_on_sheet = False
             for step in range(MAX_STEPS):
                 stale = step >= KEPT_STEPS
-                for m in range(BLOCK):
-                    w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
-                x_low, x_high, y_low, y_high = box(w, X, Y)
                 if x_low >= cell_left and x_high < cell_right and y_low >= cell_bottom and y_high < cell_top:
                     i_low = i_high = cell // (last_y + 1)
                     j_low = j_high = cell - i_low * (last_y + 1)
@@ -255,22 +292,12 @@ def _kernel(powers):
                         cell_top = ends_y[j_low + 1] if j_low < last_y else np.inf
                 _evaluate_over(powers, cells, i_low, i_high, j_low, j_high, w)
                 on_sheet = x_low >= x_min and x_high <= x_max and y_low >= y_min and y_high <= y_max
-                if newton_step(field, was_on_sheet and on_sheet, w) == 0:
+                moving = newton_step(field, was_on_sheet and on_sheet, w)
+                x_low, x_high, y_low, y_high = go_along(w)
+                if moving == 0:
                     break
                 was_on_sheet = on_sheet
-            good = 0
-            for m in range(BLOCK):
-                w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
-                w[Z + m] = w[OZ + m] + w[T + m] * w[DZ + m]
-                steep = 1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m]
-                upright = 1.0 / np.sqrt(steep)
-                w[NX + m], w[NY + m], w[NZ + m] = -w[ZX + m] * upright, -w[ZY + m] * upright, upright
-                facing = w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m]
-                met = (w[MISS + m] <= ACCEPTED * ACCEPTED * w[LIMIT + m] * steep) & (w[T + m] > NEAREST_MM) & (facing < 0.0)
-                w[MISS + m] = 0.0 if met else 1.0
-                good += int(met)
-            x_low, x_high, y_low, y_high = box(w, X, Y)
-            reflect(w)
+            good = met(NEAREST_MM, w)
             if good == BLOCK and degenerate == 0 and count == BLOCK \
                     and in_interior(strips.interior, strips.low, strips.inverse_height, x_low, x_high, y_low, y_high):
                 store_all(w, start, results)

@@ -13,9 +13,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, register_jitable
 
-RAYS = 8  # taken together: as many numbers as the widest vectors have
+from raytrace.kernels.vectors import DOUBLE, INT64, RAYS, picked, place, spread
+
 FUSED = ("contract",)  # a·b + c is rounded once where the processor can, as in the other kernels
-DOUBLE, INT64, INT32 = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 
 
 @register_jitable
@@ -51,7 +51,7 @@ def horner_apart(typing_context, powers, flat, w, lanes, base, a, b, value, alon
         rows_of, slopes_of = [], []
         for ray in range(RAYS):
             begin = builder.fptosi(load(rows, begins, ray, DOUBLE), INT64)
-            by = _spread(builder, load(rows, at_b, ray, DOUBLE), wide)
+            by = spread(builder, load(rows, at_b, ray, DOUBLE), wide)
             slope = load(coefficients, begin, 0, wide)
             row = step(slope, by, load(coefficients, begin, wide.count, wide))
             for power in range(2, count):
@@ -72,22 +72,17 @@ def horner_apart(typing_context, powers, flat, w, lanes, base, a, b, value, alon
     return types.void(powers, flat, w, lanes, base, a, b, value, along_a, along_b), generate
 
 
-def _lanes(builder, array, index, offset):
-    """A pointer to RAYS numbers of an array from an index and an offset on."""
-    return builder.bitcast(builder.gep(array, [builder.add(index, INT64(offset))]), ir.VectorType(DOUBLE, RAYS).as_pointer())
-
-
 @intrinsic
 def load_three(typing_context, array, index, w, x, y, z):
     """RAYS vectors of a flat array (x, y, z, x, …), of which the first begins at an index, into rows of w."""
     def generate(context, builder, signature, arguments):
-        given, rows = (cgutils.create_struct_proxy(signature.args[k])(context, builder, arguments[k]).data for k in (0, 2))
-        parts = [builder.load(_lanes(builder, given, arguments[1], RAYS * k), align=8) for k in range(3)]
+        (given, index, rows), (of_given, _, of_rows) = arguments[:3], signature.args[:3]
+        parts = [builder.load(place(context, builder, of_given, given, index, RAYS * k), align=8) for k in range(3)]
         for c, row in enumerate(arguments[3:]):
             lanes = [3 * k + c for k in range(RAYS)]
-            first = _picked(builder, parts[0], parts[1], [min(lane, 2 * RAYS - 1) for lane in lanes])
-            all_ = _picked(builder, first, parts[2], [k if lane < 2 * RAYS else lane - RAYS for k, lane in enumerate(lanes)])
-            builder.store(all_, _lanes(builder, rows, row, 0), align=8)
+            first = picked(builder, parts[0], parts[1], [min(lane, 2 * RAYS - 1) for lane in lanes])
+            all_ = picked(builder, first, parts[2], [k if lane < 2 * RAYS else lane - RAYS for k, lane in enumerate(lanes)])
+            builder.store(all_, place(context, builder, of_rows, rows, row), align=8)
         return context.get_dummy_value()
 
     return types.void(array, index, w, x, y, z), generate
@@ -97,25 +92,16 @@ def load_three(typing_context, array, index, w, x, y, z):
 def store_three(typing_context, array, index, w, x, y, z):
     """RAYS vectors out of rows of w into a flat array (x, y, z, x, …), the first to an index."""
     def generate(context, builder, signature, arguments):
-        to, rows = (cgutils.create_struct_proxy(signature.args[k])(context, builder, arguments[k]).data for k in (0, 2))
-        x, y, z = (builder.load(_lanes(builder, rows, row, 0), align=8) for row in arguments[3:])
+        (to, index, rows), (of_to, _, of_rows) = arguments[:3], signature.args[:3]
+        x, y, z = (builder.load(place(context, builder, of_rows, rows, row), align=8) for row in arguments[3:])
         for part in range(3):
             lanes = [divmod(RAYS * part + k, 3) for k in range(RAYS)]  # of which ray, and which of its coordinates
-            two = _picked(builder, x, y, [ray + (RAYS if c == 1 else 0) for ray, c in lanes])
-            three = _picked(builder, two, z, [RAYS + ray if c == 2 else k for k, (ray, c) in enumerate(lanes)])
-            builder.store(three, _lanes(builder, to, arguments[1], RAYS * part), align=8)
+            two = picked(builder, x, y, [ray + (RAYS if c == 1 else 0) for ray, c in lanes])
+            three = picked(builder, two, z, [RAYS + ray if c == 2 else k for k, (ray, c) in enumerate(lanes)])
+            builder.store(three, place(context, builder, of_to, to, index, RAYS * part), align=8)
         return context.get_dummy_value()
 
     return types.void(array, index, w, x, y, z), generate
-
-
-def _spread(builder, number, kind):
-    one = builder.insert_element(ir.Constant(kind, ir.Undefined), number, INT32(0))
-    return _picked(builder, one, one, [0] * kind.count)
-
-
-def _picked(builder, a, b, lanes):
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, len(lanes)), lanes))
 
 
 def _turned(builder, vectors, count):
@@ -123,10 +109,10 @@ def _turned(builder, vectors, count):
     last = vectors[0].type.count - 1
     columns = []
     for first in range(0, count, RAYS):
-        parts = [_picked(builder, v, v, [min(first + k, last) for k in range(RAYS)]) for v in vectors]
+        parts = [picked(builder, v, v, [min(first + k, last) for k in range(RAYS)]) for v in vectors]
         for side in (1, 2, 4):  # in squares of 2·side, the two quarters beside the diagonal change places
             lanes = [lane + (RAYS - side if lane & side else 0) for lane in range(RAYS)]
-            parts = [_picked(builder, parts[k & ~side], parts[k | side], [lane + (k & side) for lane in lanes])
+            parts = [picked(builder, parts[k & ~side], parts[k | side], [lane + (k & side) for lane in lanes])
                      for k in range(RAYS)]
         columns += parts[:count - first]
     return columns

@@ -25,6 +25,7 @@ from raytrace.kernels.blocks import (
 )
 from raytrace.kernels.compiled import inner
 from raytrace.kernels.outcomes import ACCEPTED, RESIDUAL
+from raytrace.kernels.vectors import RAYS, count_of, eight, put, size, where
 
 MOST_ADDED = 0.1  # of a step, that the second derivative may add to it
 
@@ -32,28 +33,32 @@ MOST_ADDED = 0.1  # of a step, that the second derivative may add to it
 @inner(fastmath={"contract"}, forceinline=True)
 def begin_newton(w):
     """What a residual height has to be below, squared, for rays at T; nothing has been missed yet."""
-    for m in range(BLOCK):
-        limit = RESIDUAL * (abs(w[T + m]) + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
-        w[LIMIT + m] = limit * limit
-        w[MISS + m] = np.inf
+    for m in range(0, BLOCK, RAYS):
+        limit = RESIDUAL * (size(eight(w, T + m)) + size(eight(w, OX + m)) + size(eight(w, OY + m)) + size(eight(w, OZ + m)))
+        put(w, LIMIT + m, limit * limit)
+        put(w, MISS + m, np.inf)
 
 
 @inner(fastmath={"contract"})
 def _tangent_step(w):
     """Newton's own step, to where rays meet the tangent planes."""
-    moving = 0
-    for m in range(BLOCK):
-        dx, dy, dz, z_x, z_y = w[DX + m], w[DY + m], w[DZ + m], w[ZX + m], w[ZY + m]
-        above = w[OZ + m] + w[T + m] * dz - w[Z + m]
+    moving = BLOCK
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz, z_x, z_y = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m), eight(w, ZX + m), eight(w, ZY + m)
+        t = eight(w, T + m)
+        above = eight(w, OZ + m) + t * dz - eight(w, Z + m)
         step = -above / (dz - z_x * dx - z_y * dy)
-        w[T + m] += step
+        put(w, T + m, t + step)
         # Squares: of the height, of the limit, and of the height over the distance from the tangent plane.
         miss = above * above
-        limit = w[LIMIT + m] * (1.0 + z_x * z_x + z_y * z_y)
+        limit = eight(w, LIMIT + m) * (1.0 + z_x * z_x + z_y * z_y)
         # Not "larger than": a NaN moves on, too.
-        moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])))
-        w[MISS + m] = miss
-        w[STEP + m], w[ABOVE + m], w[WAS_ZX + m], w[WAS_ZY + m] = step, above, z_x, z_y
+        moving -= count_of((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * eight(w, MISS + m))))
+        put(w, MISS + m, miss)
+        put(w, STEP + m, step)
+        put(w, ABOVE + m, above)
+        put(w, WAS_ZX + m, z_x)
+        put(w, WAS_ZY + m, z_y)
     return moving
 
 
@@ -65,30 +70,36 @@ def _bent_step(bend, twist, w):
     it; slopes, which go on as over the step before, are off by less than twist·h²·s·(s + the step before)/2. Where both are
     rounding the ray is settled, and nothing has to be evaluated once more.
     """
-    moving, bend, twist = 0, 0.5 * bend, 0.5 * twist
-    for m in range(BLOCK):
-        dx, dy, dz, z_x, z_y, was_x, was_y = w[DX + m], w[DY + m], w[DZ + m], w[ZX + m], w[ZY + m], w[WAS_ZX + m], w[WAS_ZY + m]
-        above, before = w[OZ + m] + w[T + m] * dz - w[Z + m], w[STEP + m]
+    moving, bend, twist = BLOCK, 0.5 * bend, 0.5 * twist
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz, z_x, z_y = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m), eight(w, ZX + m), eight(w, ZY + m)
+        was_x, was_y, before, t = eight(w, WAS_ZX + m), eight(w, WAS_ZY + m), eight(w, STEP + m), eight(w, T + m)
+        above = eight(w, OZ + m) + t * dz - eight(w, Z + m)
         slope, per_step = dz - z_x * dx - z_y * dy, 1.0 / before
         inverse = 1.0 / slope
         step = -above * inverse
         # f'' at the end of the cubic through both heights and slopes.
-        curve = (4.0 * slope + 2.0 * (dz - was_x * dx - was_y * dy) - 6.0 * (above - w[ABOVE + m]) * per_step) * per_step
+        curve = (4.0 * slope + 2.0 * (dz - was_x * dx - was_y * dy) - 6.0 * (above - eight(w, ABOVE + m)) * per_step) * per_step
         adds = 0.5 * step * curve * inverse
-        adds = adds if abs(adds) < MOST_ADDED else 0.0
+        adds = where(size(adds) < MOST_ADDED, adds, 0.0)
         step = step - step * adds
-        w[T + m] += step
+        put(w, T + m, t + step)
         # The squares of `_tangent_step`.
         miss = above * above
-        limit = w[LIMIT + m] * (1.0 + z_x * z_x + z_y * z_y)
-        across, size = dx * dx + dy * dy, abs(step)
-        left = abs(above * adds) + bend * across * size * size
-        known = (left * left <= limit) & (twist * across * size * (size + abs(before)) <= RESIDUAL)
-        moving += 1 - int((miss <= limit) | ((miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * w[MISS + m])) | known)
-        w[MISS + m] = left * left if known else miss
-        share = step * per_step if size < abs(before) else 0.0
-        w[ZX + m], w[ZY + m] = z_x + (z_x - was_x) * share, z_y + (z_y - was_y) * share
-        w[STEP + m], w[ABOVE + m], w[WAS_ZX + m], w[WAS_ZY + m] = step, above, z_x, z_y
+        limit = eight(w, LIMIT + m) * (1.0 + z_x * z_x + z_y * z_y)
+        across, long, long_before = dx * dx + dy * dy, size(step), size(before)
+        left = size(above * adds) + bend * across * long * long
+        known = (left * left <= limit) & (twist * across * long * (long + long_before) <= RESIDUAL)
+        accepted = (miss <= ACCEPTED * ACCEPTED * limit) & (miss >= 0.25 * eight(w, MISS + m))
+        moving -= count_of((miss <= limit) | accepted | known)
+        put(w, MISS + m, where(known, left * left, miss))
+        share = where(long < long_before, step * per_step, 0.0)
+        put(w, ZX + m, z_x + (z_x - was_x) * share)
+        put(w, ZY + m, z_y + (z_y - was_y) * share)
+        put(w, STEP + m, step)
+        put(w, ABOVE + m, above)
+        put(w, WAS_ZX + m, z_x)
+        put(w, WAS_ZY + m, z_y)
     return moving
 
 

@@ -51,9 +51,10 @@ from raytrace.kernels.blocks import (
 )
 from raytrace.kernels.cells import MAX_CELLS, PADDED_POWERS, Cells, cell_at, horner
 from raytrace.kernels.compiled import compiled, inner
-from raytrace.kernels.lanes import RAYS, horner_apart, pitch
+from raytrace.kernels.lanes import horner_apart, pitch
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.trimming import Strips, in_interior, inside
+from raytrace.kernels.vectors import RAYS
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import BLOCK, DX, DY, DZ, OX, OY, OZ, RX, RY, RZ, V0, V1, V2, T, X, Y, at, clamp, work
 from raytrace.kernels.compiled import compiled, inner
-from raytrace.kernels.lanes import RAYS, load_three
+from raytrace.kernels.lanes import load_three
 from raytrace.kernels.outcomes import HIT
+from raytrace.kernels.vectors import RAYS
 
 Array = NDArray[np.float64]
 

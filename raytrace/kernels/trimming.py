@@ -54,7 +54,7 @@ def odd_to_the_right(edges, start, stop, u, v):
 def inside(strips, u, v):
     """Even-odd rule on the polygons."""
     strip = int((v - strips.low) * strips.inverse_height)
-    if strip < 0 or strip >= strips.first.size - 1 or v < strips.low:
+    if strip < 0 or strip >= strips.first.size - 1:
         return False
     return odd_to_the_right(strips.edges, strips.first[strip], strips.first[strip + 1], u, v)
 
