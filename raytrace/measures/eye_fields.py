@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.vectors import cross
 from raytrace.measures.field_of_view import angle_between
 from raytrace.measures.in_use import MirrorInUse
 from raytrace.measures.registry import Measure, register
@@ -128,20 +130,24 @@ def eye_fields(views: EyeViews, host: HostVehicle | None = None) -> EyeFields:
     return EyeFields(fields[0], fields[1], azimuth, upright, upright_clear, (left_deg, middle_deg, right_deg))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Circle:
     """Directions across a unit normal (3,); angles are counted from `start` (3,) towards normal × start."""
 
     normal: Array
     start: Array
 
+    @cached_property
+    def quarter(self) -> Array:
+        """The direction (3,) at 90°."""
+        return cross(self.normal, self.start)
+
     def angles(self, directions: Array) -> Array:
-        result: Array = np.arctan2(directions @ np.cross(self.normal, self.start), directions @ self.start)
+        result: Array = np.arctan2(directions @ self.quarter, directions @ self.start)
         return result
 
     def directions(self, angles: Array) -> Array:
-        result: Array = (np.cos(angles)[:, None] * self.start
-                         + np.sin(angles)[:, None] * np.cross(self.normal, self.start))
+        result: Array = np.cos(angles)[:, None] * self.start + np.sin(angles)[:, None] * self.quarter
         return result
 
 
@@ -151,10 +157,10 @@ def _seen(edge: Edge, circle: _Circle, host: HostVehicle | None) -> tuple[Interv
         return (), ()
     _, on_plane, traced = edge.crossings(RayFunction.of(direction=circle.normal))
     # Counted from the middle of what is shown, so that no interval runs over ±180° but one of what shows that too.
-    ahead = edge.middle()
+    ahead = edge.middle
     middle = float(circle.angles(ahead[None])[0])
     angle = np.mod(circle.angles(traced.directions) - middle + np.pi, 2.0 * np.pi) - np.pi + middle
-    if edge.shows_more_than_half(ahead):
+    if edge.shows_more_than_half:
         behind, shown = edge.image_points(circle.directions(np.array([middle + np.pi])), at_infinity=True)
         if shown[0]:
             angle = np.concatenate([angle, [middle - np.pi, middle + np.pi]])

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.vectors import cross
 from raytrace.kernels import sheet_differentials as kernel
 from raytrace.viewing.view import View
 
@@ -130,7 +131,7 @@ def frame(directions: Array) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore"):
         right = np.stack([directions[:, 1], -directions[:, 0], np.zeros(len(directions))], axis=1)
         right /= np.linalg.norm(right, axis=1, keepdims=True)
-    return right, np.cross(right, directions)
+    return right, cross(right, directions)
 
 
 def _determinant(matrix: Array) -> Array:

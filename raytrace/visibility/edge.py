@@ -116,19 +116,17 @@ class Edge:
         """The mean of its places, and from where to where its points reach in X and Y, mm, (2,) each."""
         return kernel_loops.extent(self.on_plane, self.points)
 
+    @cached_property
     def middle(self) -> Array:
         """The direction (3,) that is shown about the middle of what the edge encloses; for a hole there, that of the edge."""
         traced = self.view.trace_points(self.extent[0][None])
-        return self.middle_of(traced.seen[0], traced.directions[0])
-
-    def middle_of(self, seen: bool, direction: Array) -> Array:
-        """`middle`, by whether the eye sees the sheet at `extent[0]`, and what it shows there."""
-        found: Array = direction if seen else np.add.reduce(self.directions) / len(self.on_plane)
+        found: Array = traced.directions[0] if traced.seen[0] else np.add.reduce(self.directions) / len(self.on_plane)
         return found
 
-    def shows_more_than_half(self, middle: Array) -> bool:
-        """Whether directions may be shown that are opposite to each other; `middle` (3,) as the method of that name has it."""
-        return bool(kernel_loops.least_along(self.directions, middle) <= 0.0)
+    @cached_property
+    def shows_more_than_half(self) -> bool:
+        """Whether directions may be shown that are opposite to each other."""
+        return bool(kernel_loops.least_along(self.directions, self.middle) <= 0.0)
 
     def crossings(self, value: Callable[[Array, Array], Array]) -> tuple[Index, Array, TracedRays]:
         """Find where a function of the rays changes its sign along the edge, on exact rays.

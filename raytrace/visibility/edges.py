@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ class _Shared:
     """The edges of several views of one bare sheet: the same n vertices for each, whose rays are worked out when asked for.
 
     rim, surface (n, 5), following (n,) : as `sheet_rim_of` has them.
-    rays : of the edge that was asked last, on the picture plane (n, 2), points and directions (n, 3): one place in memory.
+    rays : of the edge that was asked last, on the picture plane (n, 2), points and directions (n, 3): one place in memory, as
+        fresh memory for all would cost more than to work them out again.   owner : (n,), whose they are.
     low, high, more_than_half : as `Edges` has them.
     """
 
@@ -50,13 +51,15 @@ class _Shared:
     surface: Array
     following: Index
     rays: tuple[Array, Array, Array]
+    owner: Index
     low: Array
     high: Array
     more_than_half: Mask
 
     def of(self, posed: Posed, j: int) -> bool:
         """Put the rays of one eye into `rays`; whether it is sure to see all of the rim."""
-        return rays_to(self.sheet, _one(posed, j), self.surface, out=self.rays) is not None
+        self.owner[:] = j
+        return rays_to(self.sheet, posed, self.surface, self.owner, self.rays) is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,7 @@ class Edges:
         return Edges(tuple(views))
 
     @staticmethod
+    @lru_cache(maxsize=8)  # one measure after the other asks the same edges
     def of_one(edge: Edge) -> Edges:
         """One edge that is there already."""
         found = Edges((edge.of,))
@@ -95,6 +99,8 @@ class Edges:
     @cached_property
     def posed(self) -> Posed:
         """Their eyes and poses."""
+        if len(self) == 1:
+            return self.views[0].posed
         return Posed(np.stack([view.eye_in_mirror for view in self.views]),
                      np.stack([view.pose.rotation for view in self.views]),
                      np.stack([view.pose.offset for view in self.views]))
@@ -109,12 +115,12 @@ class Edges:
         sheet, rim, surface, following = found
         n = len(surface)
         shared = _Shared(sheet, rim, surface, following, (np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))),
-                         np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_))
+                         np.empty(n, dtype=np.intp), np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_))
         for j in range(m):
             if not shared.of(self.posed, j):
                 return None
             centre, shared.low[j], shared.high[j] = kernel_loops.extent(*shared.rays[:2])
-            status, _, ahead, _ = trace(sheet, _one(self.posed, j), centre[None])
+            status, _, ahead, _ = trace(sheet, self.posed, centre[None], shared.owner[:1])
             middle = ahead[0] if status[0] == Status.REFLECTED else np.add.reduce(shared.rays[2]) / n
             shared.more_than_half[j] = kernel_loops.least_along(shared.rays[2], middle) <= 0.0
         return shared
@@ -131,7 +137,7 @@ class Edges:
         """Whether each may show directions that are opposite to each other, (m,)."""
         if self.shared is not None:
             return self.shared.more_than_half
-        return np.array([len(one.on_plane) > 0 and one.shows_more_than_half(one.middle()) for one in self.edges])
+        return np.array([len(one.on_plane) > 0 and one.shows_more_than_half for one in self.edges])
 
     def rays(self, j: int) -> tuple[Array, Array, Index]:
         """Points, directions and following vertices of the edge j, as `Edge` has them; until the next is asked for."""
@@ -240,7 +246,7 @@ class Edges:
         surface = grid_on_sheet(first.reflector.untrimmed.surface, first.box)
         starts = np.empty((len(of), 2))
         for j in np.unique(of):
-            found = rays_to(shared.sheet, _one(self.posed, int(j)), surface)
+            found = rays_to(shared.sheet, self.posed, surface, np.full(len(surface), j))
             if found is None:
                 return None
             rows = np.flatnonzero(of == j)
@@ -254,7 +260,3 @@ class Edges:
         if len(self) == 1:
             return [(0, np.arange(len(of)))]
         return [(int(j), np.flatnonzero(of == j)) for j in np.unique(of)]
-
-
-def _one(posed: Posed, j: int) -> Posed:
-    return Posed(*(each[j:j + 1] for each in posed))

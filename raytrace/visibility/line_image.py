@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mirror_cad.vectors import cross
 from raytrace.viewing.vehicle import HostVehicle
 from raytrace.viewing.view import Mask, View
 from raytrace.visibility.edge import Edge
@@ -162,13 +163,13 @@ class LineView:
         on_mirror : (k, 3), mm, in mirror coordinates.
         """
         start, u = self.line.start, self.line.direction
-        _, on_plane, traced = self.edge.crossings(RayFunction.of(direction=-np.cross(start, u), moment=-u))
-        across = np.cross(u, traced.directions)
+        _, on_plane, traced = self.edge.crossings(RayFunction.of(direction=-cross(start, u), moment=-u))
+        across = cross(u, traced.directions)
         from_start = traced.points - start
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.einsum("ij,ij->i", across, across)
-            along = np.einsum("ij,ij->i", np.cross(from_start, traced.directions), across) / scale
-            ahead = np.einsum("ij,ij->i", np.cross(from_start, u), across) / scale
+            along = np.einsum("ij,ij->i", cross(from_start, traced.directions), across) / scale
+            ahead = np.einsum("ij,ij->i", cross(from_start, u), across) / scale
         angle = self.angle(along)
         met = (ahead > 0.0) & (angle > self.ends[0]) & (angle < self.ends[1])
         order = np.argsort(angle[met])
