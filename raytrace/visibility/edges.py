@@ -43,7 +43,8 @@ class _Shared:
     rim, surface (n, 5), following (n,) : as `sheet_rim_of` has them.
     rays : of the edge that was asked last, on the picture plane (n, 2), points and directions (n, 3): one place in memory, as
         fresh memory for all would cost more than to work them out again.   owner : (n,), whose they are.
-    low, high, more_than_half : as `Edges` has them.
+    seen : (m,), of whom it is known that all of the rim is seen.
+    low, high, more_than_half : as `Edges` has them, once they are measured; low and high are NaN before.
     """
 
     sheet: Sheet
@@ -52,6 +53,7 @@ class _Shared:
     following: Index
     rays: tuple[Array, Array, Array]
     owner: Index
+    seen: Mask
     low: Array
     high: Array
     more_than_half: Mask
@@ -59,7 +61,16 @@ class _Shared:
     def of(self, posed: Posed, j: int) -> bool:
         """Put the rays of one eye into `rays`; whether it is sure to see all of the rim."""
         self.owner[:] = j
-        return rays_to(self.sheet, posed, self.surface, self.owner, self.rays) is not None
+        self.seen[j] = rays_to(self.sheet, posed, self.surface, self.owner, self.rays) is not None
+        return bool(self.seen[j])
+
+    def measure(self, posed: Posed, j: int) -> None:
+        """Find how far the rays of one eye reach, which are in `rays`."""
+        on_plane, points, directions = self.rays
+        centre, self.low[j], self.high[j] = kernel_loops.extent(on_plane, points)
+        status, _, ahead, _ = trace(self.sheet, posed, centre[None], self.owner[:1])
+        middle = ahead[0] if status[0] == Status.REFLECTED else np.add.reduce(directions) / len(directions)
+        self.more_than_half[j] = kernel_loops.least_along(directions, middle) <= 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,44 +119,55 @@ class Edges:
     @cached_property
     def shared(self) -> _Shared | None:
         """What all share, of which no search is made; None for one edge, which knows itself, and where nothing is."""
+        shared = self._of_one_sheet
+        whole = shared is not None and all(shared.seen[j] or shared.of(self.posed, j) for j in range(len(self)))
+        return shared if whole else None
+
+    @cached_property
+    def _of_one_sheet(self) -> _Shared | None:
+        """What all share if each eye sees all of the rim, which the rays of each tell."""
         first, m = self.views[0].reflector, len(self.views)
         found = sheet_rim_of(first) if m > 1 and all(view.reflector is first for view in self.views) else None
         if found is None:
             return None
-        sheet, rim, surface, following = found
-        n = len(surface)
-        shared = _Shared(sheet, rim, surface, following, (np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))),
-                         np.empty(n, dtype=np.intp), np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_))
-        for j in range(m):
-            if not shared.of(self.posed, j):
-                return None
-            centre, shared.low[j], shared.high[j] = kernel_loops.extent(*shared.rays[:2])
-            status, _, ahead, _ = trace(sheet, self.posed, centre[None], shared.owner[:1])
-            middle = ahead[0] if status[0] == Status.REFLECTED else np.add.reduce(shared.rays[2]) / n
-            shared.more_than_half[j] = kernel_loops.least_along(shared.rays[2], middle) <= 0.0
+        n = len(found[2])
+        return _Shared(*found, (np.empty((n, 2)), np.empty((n, 3)), np.empty((n, 3))), np.empty(n, dtype=np.intp),
+                       np.zeros(m, dtype=np.bool_), np.full((m, 2), np.nan), np.full((m, 2), np.nan),
+                       np.empty(m, dtype=np.bool_))
+
+    def _measured(self) -> _Shared | None:
+        """`shared`, with how far the points and directions of each reach."""
+        shared = self.shared
+        if shared is not None:
+            for j in np.flatnonzero(np.isnan(shared.low[:, 0])):
+                shared.of(self.posed, int(j))
+                shared.measure(self.posed, int(j))
         return shared
 
     @cached_property
     def reach(self) -> tuple[Array, Array]:
         """From where to where the points of each reach in X and Y, mm, (m, 2) each; ∞ to −∞ where there are none."""
-        if self.shared is not None:
-            return self.shared.low, self.shared.high
+        shared = self._measured()
+        if shared is not None:
+            return shared.low, shared.high
         return np.stack([one.extent[1] for one in self.edges]), np.stack([one.extent[2] for one in self.edges])
 
     @cached_property
     def show_more_than_half(self) -> Mask:
         """Whether each may show directions that are opposite to each other, (m,)."""
-        if self.shared is not None:
-            return self.shared.more_than_half
+        shared = self._measured()
+        if shared is not None:
+            return shared.more_than_half
         return np.array([len(one.on_plane) > 0 and one.shows_more_than_half for one in self.edges])
 
     def rays(self, j: int) -> tuple[Array, Array, Index]:
         """Points, directions and following vertices of the edge j, as `Edge` has them; until the next is asked for."""
-        shared = self.shared
-        if shared is None:
+        shared = self._of_one_sheet
+        if shared is None or not shared.of(self.posed, j):
             edge = self.edges[j]
             return edge.points, edge.directions, edge.following
-        shared.of(self.posed, j)
+        if np.isnan(shared.low[j, 0]):  # who looks at all rays asks how far they reach too, and they are at hand
+            shared.measure(self.posed, j)
         return *shared.rays[1:], shared.following
 
     def settle(self, of: Index, k: Index, function: RayFunction) -> tuple[Array, Array, Array]:
@@ -175,14 +197,16 @@ class Edges:
 
     def crossings(self, function: RayFunction) -> tuple[Index, Array, Array, Array]:
         """Find where a function changes its sign along each edge: on which, and as `settle`."""
-        shared = self.shared
+        shared = self._of_one_sheet
         if shared is None:
             return self._crossings_apart(function)
         of, k = [], []
         for j in range(len(self)):
-            points, directions, following = self.rays(j)
+            if not shared.of(self.posed, j):
+                return self._crossings_apart(function)
+            on_plane, points, directions = shared.rays
             now = function(points, directions)
-            crossed, may_turn = signs.along_loops(now, shared.rays[0], following, NEAR_ZERO, BESIDE_CELL)
+            crossed, may_turn = signs.along_loops(now, on_plane, shared.following, NEAR_ZERO, BESIDE_CELL)
             if may_turn.size:  # it may cross twice between two vertices: each by itself
                 return self._crossings_apart(function)
             of.append(np.full(len(crossed), j))
