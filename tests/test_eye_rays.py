@@ -203,6 +203,44 @@ def test_edges_asked_together_are_those_asked_alone(hand: str) -> None:
             assert np.abs(level[of == j] - directions).max() < 1e-11
 
 
+@pytest.mark.parametrize("first", ["rays", "crossings", "reach", "shared"])
+def test_edges_of_which_one_is_not_seen_whole_are_those_asked_alone(first: str) -> None:
+    """Turned away so far that the eye sees only a part of its face; whatever is asked first."""
+    reflector, pose = Reflector(sheet("progressive-c")), POSES["left"]
+    turned = [View(reflector, replace(pose, yaw=pose.yaw + turn), EYE) for turn in (-0.1, -1.0, 0.1)]
+    assert [edge_of(view).rim for view in turned] == [True, False, True]
+    edges = Edges.of(turned)
+    asked = {"rays": lambda: edges.rays(0), "crossings": lambda: edges.crossings(LEVEL), "reach": lambda: edges.reach,
+             "shared": lambda: edges.shared}
+    asked[first]()
+    for j, view in enumerate(turned):
+        alone = edge_of(view)
+        for one, expected in zip(edges.rays(j), (alone.points, alone.directions, alone.following), strict=True):
+            np.testing.assert_array_equal(one, expected)
+        np.testing.assert_array_equal([side[j] for side in edges.reach], alone.extent[1:])
+        assert edges.show_more_than_half[j] == alone.shows_more_than_half
+    assert edges.shared is None
+    of, _, _, level = edges.crossings(LEVEL)
+    host = HostVehicle(900.0, -2000.0, 3000.0, 1450.0)
+    found = visible_on_each(edges, 1, -2500.0, 0.0, host, -5e3, 6e4)
+    for j, view in enumerate(turned):
+        np.testing.assert_allclose(level[of == j], edge_of(view).crossings(LEVEL)[2].directions, rtol=0.0, atol=1e-11)
+        np.testing.assert_allclose(found.of(j), visible_intervals(edge_of(view), 1, np.array([-2500.0]), 0.0, host, -5e3, 6e4)
+                                   .of(0), rtol=0.0, atol=1e-6)  # mm, of up to 60 m
+
+
+def test_how_far_edges_reach_is_told_of_each_whatever_was_asked_before() -> None:
+    reflector, pose = Reflector(sheet("progressive-c")), POSES["left"]
+    turned = [View(reflector, replace(pose, yaw=pose.yaw + turn), EYE) for turn in (-0.1, 0.0, 0.1)]
+    edges = Edges.of(turned)
+    edges.rays(1)
+    edges.crossings(LEVEL)
+    for j, view in enumerate(turned):
+        np.testing.assert_array_equal([side[j] for side in edges.reach], edge_of(view).extent[1:])
+        np.testing.assert_array_equal(edges.rays(j)[0], edge_of(view).points)
+        assert edges.show_more_than_half[j] == edge_of(view).shows_more_than_half
+
+
 @pytest.mark.parametrize("hand", POSES)
 @pytest.mark.parametrize("name", ["progressive-c", "flat", "bowl"])
 def test_far_directions_are_found_from_near_by_as_from_a_grid_and_are_as_large(name: str, hand: str) -> None:
