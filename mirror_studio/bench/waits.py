@@ -204,9 +204,11 @@ def _processes(progress: Progress) -> Iterator[Row]:
             yield {"work": name_, "ours": float(medians[k]), "unit": "s", "peer": BARE_NAME, "theirs": float(medians[0]),
                    "ratio": float(np.median(taken[:, k] / taken[:, 0])), "asked": asked}
         progress.step("waits: the first command on a new machine")
-        fresh = processor_seconds(warm[0][1], NUMBA_CACHE_DIR=str(folder / "numba"))
-        yield {"work": "compiling, for the first build", "ours": fresh - float(medians[1]), "unit": "s", "peer": BARE_NAME,
-               "theirs": float(medians[0]), "ratio": (fresh - float(medians[1])) / float(medians[0]), "asked": "≤ 6 s"}
+        (first_cpu, first), (again_cpu, again), (_, imported) = (
+            _seconds(command, NUMBA_CACHE_DIR=str(folder / "numba")) for command in (warm[0][1], warm[0][1], bare))
+        yield {"work": "compiling, for the first build, by the clock", "ours": first - again, "unit": "s", "peer": BARE_NAME,
+               "theirs": imported, "ratio": (first - again) / imported, "asked": "≤ 6 s",
+               "note": f"{first_cpu - again_cpu:.1f} s of processor time, in up to three processes"}
 
 
 def _command(*words: str) -> list[str]:
@@ -227,6 +229,12 @@ def processor_seconds(command: Sequence[str], **environment: str) -> float:
     RuntimeError
         Where it ends otherwise than well, or with a limit missed, with what it said.
     """
+    return _seconds(command, **environment)[0]
+
+
+def _seconds(command: Sequence[str], **environment: str) -> tuple[float, float]:
+    """`processor_seconds`, and by the clock."""
+    began = time.perf_counter()
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=os.environ | environment)
         _, status, usage = os.wait4(process.pid, 0)
@@ -234,4 +242,4 @@ def processor_seconds(command: Sequence[str], **environment: str) -> float:
         if process.returncode not in (0, 3):
             said.seek(0)
             raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}: {said.read().decode(errors='replace')}")
-    return usage.ru_utime + usage.ru_stime
+    return usage.ru_utime + usage.ru_stime, time.perf_counter() - began

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
@@ -106,10 +107,13 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     wait_for_compiled(progress)
     progress.step(f"{name}: tracing the driver's view")
     reflector = reflector_of(step_file, spec.glass.index).moved(Placement.identity("file", spec.part.hand))
-    view = _drivers_view(folder, mirror, reflector, picture, progress)
-    if spec.has_laws:
-        progress.step(f"{name}: decoupled and faithful surface side by side")
-    metrics = _measured(mirror, deviation, reflector, view, files, stl)
+    view = _drivers_view(mirror, reflector, picture, progress)
+    with ThreadPoolExecutor(1) as writer:  # PNG is made while figures are: zlib needs no interpreter
+        written = writer.submit(write_png, folder / "driver-view.png", view.picture)
+        if spec.has_laws:
+            progress.step(f"{name}: decoupled and faithful surface side by side")
+        metrics = _measured(mirror, deviation, reflector, view, files, stl)
+        written.result()
     progress.step(f"{name}: report")
     _report(folder, mirror, deviation, metrics, step_file, read_back, reflector, view.picture, pdf)
     from mirror_studio.missed import missed_in_words
@@ -147,10 +151,9 @@ def _write_and_check(folder: Path, mirror: Mirror) -> tuple[StepFile, FileChecks
                                  checks.check_points(table, written))
 
 
-def _drivers_view(folder: Path, mirror: Mirror, reflector: Reflector, picture: Picture, progress: Progress) -> _DriversView:
+def _drivers_view(mirror: Mirror, reflector: Reflector, picture: Picture, progress: Progress) -> _DriversView:
     setup, frame = ViewingSetup.of(mirror.spec, mirror.box), Frame.around(mirror.box, mirror.spec.view.width_px)
     seen, rays = photograph(reflector, frame.camera(setup.eye), setup.scene(picture, mirror.spec), progress.share)
-    write_png(folder / "driver-view.png", seen)
     return _DriversView(seen, frame, rays)
 
 
@@ -230,6 +233,7 @@ def trace_file(path: Path, spec: MirrorSpec, out: Path, progress: Progress, face
     scene = setup.scene(picture, spec)
     frame = Frame.around(box, spec.view.width_px)
     with new_set(out) as folder:
+        wait_for_compiled(progress)
         progress.step(f"{path.name}: tracing the driver's view")
         view, rays = photograph(reflector, frame.camera(eye), scene, progress.share)
         refuse_unreflected(path.name, rays, placement)

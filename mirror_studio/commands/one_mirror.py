@@ -86,6 +86,9 @@ def trace(file: Path, /, *, scene: str | None = None, face: str | None = None, f
     from raytrace.seating import place_from
 
     lent, where = load_spec(scene or "progressive-c"), place_from(place)
+    from mirror_studio.compiling import compile_beside
+
+    compile_beside()
     from mirror_studio.as_json import trace_metrics_as_json
     from mirror_studio.build.pipeline import trace_file
 
