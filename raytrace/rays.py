@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import combinations
@@ -28,14 +28,22 @@ KINDS = (np.dtype(np.int8), *[np.dtype(np.float64)] * 4)
 NO_ROWS = np.empty(0, dtype=np.intp)
 
 
-def all_apart(arrays: Iterable[NDArray[Any]]) -> bool:
+def all_apart(arrays: Sequence[NDArray[Any]]) -> bool:
     """Whether it is seen at a glance that no two arrays share memory: no two have the same owner, and each owner is known.
 
     np.may_share_memory knows more, and takes a fifth of a microsecond for each pair.
     """
-    owners = [each if each.flags.owndata else each.base for each in arrays]
-    return len({id(owner) for owner in owners}) == len(owners) \
-        and all(isinstance(owner, np.ndarray) and owner.flags.owndata for owner in owners)
+    owners = set()
+    for array in arrays:
+        owner = array.base
+        if owner is None:
+            owner = array
+        elif not isinstance(owner, np.ndarray):
+            return False
+        if not owner.flags.owndata:
+            return False
+        owners.add(id(owner))
+    return len(owners) == len(arrays)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,10 +94,25 @@ class Rays:
             part = index[start:start + SEARCHED]
             yield part, self.some(part)
 
-    def apart_from(self, out: Trace) -> Rays:
-        """The same rays in memory of their own: they are still read when results are written, and may be those before."""
-        if all_apart((self.origins, self.directions, *out.arrays)):
+    def into(self, out: Trace) -> Rays:
+        """The same rays, in memory of their own: they are still read when results are written, and may be those before.
+
+        Raises
+        ------
+        TraceError
+            Where the results do not fit into `out`.
+        """
+        n, arrays = len(self), out.arrays
+        one, three = (n,), (n, 3)
+        for name, array, shape, kind in zip(NAMES, arrays, (one, three, three, three, one), KINDS, strict=True):
+            # Behaved: contiguous, aligned and writeable.
+            if array.shape != shape or array.dtype != kind or not array.flags.carray:
+                raise TraceError(f"out.{name} must be a contiguous, writeable {kind} array of shape {shape} for {n} "
+                                 f"rays, not {array.dtype} of shape {array.shape}: Trace.empty({n}) makes one")
+        if all_apart((self.origins, self.directions, *arrays)):
             return self
+        if any(np.may_share_memory(*pair) for pair in combinations(arrays, 2)):
+            raise TraceError(f"two arrays of out are the same memory: Trace.empty({n}) makes one without")
         return Rays(*(given.copy() if any(np.may_share_memory(given, result) for result in out.arrays) else given
                       for given in (self.origins, self.directions)))
 
@@ -152,18 +175,6 @@ class Trace:
         """How many rays have each status, by name; statuses that none has are left out."""
         found = np.bincount(self.status, minlength=len(Status))
         return {status.name.lower(): int(found[status]) for status in Status if found[status]}
-
-    def check_room(self, n: int) -> None:
-        """Raise TraceError where the results of n rays do not fit."""
-        one, three = (n,), (n, 3)
-        for name, array, shape, kind in zip(NAMES, self.arrays, (one, three, three, three, one), KINDS, strict=True):
-            flags = array.flags
-            if array.shape != shape or array.dtype != kind or not (flags.c_contiguous and flags.writeable):
-                raise TraceError(f"out.{name} must be a contiguous, writeable {kind} array of shape {shape} for {n} "
-                                 f"rays, not {array.dtype} of shape {array.shape}: Trace.empty({n}) makes one")
-        arrays = self.arrays
-        if not all_apart(arrays) and any(np.may_share_memory(*pair) for pair in combinations(arrays, 2)):
-            raise TraceError(f"two arrays of out are the same memory: Trace.empty({n}) makes one without")
 
     def scatter(self, index: Index, found: Trace) -> None:
         """Put the results of some rays at their places."""

@@ -48,8 +48,7 @@ def reflect(reflector: Reflector, origins: ArrayLike, directions: ArrayLike, out
     else:
         if not isinstance(out, Trace):
             raise TraceError(f"out must be a Trace, as Trace.empty({n}) makes it, not {type(out).__name__}")
-        out.check_room(n)
-        rays = rays.apart_from(out)
+        rays = rays.into(out)
     if out.normals_from != reflector.surface.normals_from:
         out = replace(out, normals_from=reflector.surface.normals_from)
     reflector.surface.first_hits(rays, out)

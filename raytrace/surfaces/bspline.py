@@ -168,7 +168,7 @@ class BSplineFace(BoundedFace):
         field, strips = self.height_field, self.trimming.strips
         if field is not None:
             run_kernel(partial(height_field.hits, field, strips), rays, out, self.sorting_grid)
-            for part, some in rays.in_parts(np.flatnonzero(out.status == LOST)):
+            for part, some in rays.in_parts(out.rows_of(Status.LOST)):
                 out.status[part[leaves_above(field, self.surface, some)]] = Status.MISSED
         elif len(self.patches.sheet):
             run_kernel(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
@@ -372,6 +372,9 @@ def run_kernel(kernel: Callable[[Array, Array, Results], None], rays: Rays, out:
     grid : where rays go on the sheet: the kernel gets those that lie apart sorted by that.
     """
     origins, directions, results = rays.origins.ravel(), rays.directions.ravel(), out.flat
+    if len(rays) < order.LEAST:  # one run, and too few to be sorted
+        kernel(origins, directions, results)
+        return
 
     def work(i: int, j: int) -> None:
         o, d, found = origins if origins.size == 3 else origins[3 * i:3 * j], directions[3 * i:3 * j], results.of_rays(i, j)
