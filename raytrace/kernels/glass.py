@@ -20,7 +20,6 @@ from raytrace.kernels.blocks import (
     ENTRY,
     GAP,
     LAST,
-    LIMIT,
     LIMIT_P,
     MISS,
     NX,
@@ -32,8 +31,6 @@ from raytrace.kernels.blocks import (
     RX,
     RY,
     RZ,
-    ZX,
-    ZY,
     K,
     P,
     Results,
@@ -45,18 +42,20 @@ from raytrace.kernels.blocks import (
     Z,
     box,
     fix_degenerate_rays,
+    go_along,
     load,
-    reflect,
     store,
     store_all,
     work,
 )
 from raytrace.kernels.compiled import compiled, inner
-from raytrace.kernels.height_field import SHALLOWEST, HeightField, heights
+from raytrace.kernels.height_field import HeightField, comes_down, forget_cells, heights, shallow_rays
+from raytrace.kernels.height_field import met as met_from_above
 from raytrace.kernels.newton import begin_newton, newton_step
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, BLOCKED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
 from raytrace.kernels.parametric import Patches, across, centred, from_plane, kept_near, met, refined, residuals, stepped
 from raytrace.kernels.trimming import Strips, in_interior, inside
+from raytrace.kernels.vectors import RAYS, count_of, eight, put, root, size, where
 
 Array = NDArray[np.float64]
 
@@ -95,16 +94,17 @@ def _refracted(eta, w):
     The squared root into MISS; returns how many rays have none: they are totally reflected.
     """
     total = 0
-    for m in range(BLOCK):
-        along = w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m]
-        c = -eta * along
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        nx, ny, nz = eight(w, NX + m), eight(w, NY + m), eight(w, NZ + m)
+        c = -eta * (dx * nx + dy * ny + dz * nz)
         squared = (1.0 - eta) * (1.0 + eta) + c * c
-        turned = c - np.sqrt(squared)
-        w[RX + m] = eta * w[DX + m] + turned * w[NX + m]
-        w[RY + m] = eta * w[DY + m] + turned * w[NY + m]
-        w[RZ + m] = eta * w[DZ + m] + turned * w[NZ + m]
-        w[MISS + m] = squared
-        total += int(squared < 0.0)
+        turned = c - root(squared)
+        put(w, RX + m, eta * dx + turned * nx)
+        put(w, RY + m, eta * dy + turned * ny)
+        put(w, RZ + m, eta * dz + turned * nz)
+        put(w, MISS + m, squared)
+        total += count_of(squared < 0.0)
     return total
 
 
@@ -147,33 +147,28 @@ def _entered(sheets, state, w):
 
 @compiled(fastmath={"contract"}, inline="always")
 def _to_back(powers, back, w):
-    """Newton to the sheet from T along the rays: points, slopes and upward normals there, and MISS 0 where it is met.
+    """Newton to the sheet from T along the rays: `raytrace.kernels.height_field.met` there.
 
     Returns how many meet it.
     """
     begin_newton(w)
+    forget_cells(w)
     was_on_sheet = False
+    go_along(w)
     for _ in range(MAX_STEPS):
-        for m in range(BLOCK):
-            w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
         on_sheet = heights(powers, back.cells, w)
-        if newton_step(back, was_on_sheet and on_sheet, w) == 0:
+        moving = newton_step(back, was_on_sheet and on_sheet, w)
+        go_along(w)
+        if moving == 0:
             break
         was_on_sheet = on_sheet
-    good = 0
-    for m in range(BLOCK):
-        w[X + m], w[Y + m] = w[OX + m] + w[T + m] * w[DX + m], w[OY + m] + w[T + m] * w[DY + m]
-        w[Z + m] = w[OZ + m] + w[T + m] * w[DZ + m]
-        steep = 1.0 + w[ZX + m] * w[ZX + m] + w[ZY + m] * w[ZY + m]
-        upright = 1.0 / np.sqrt(steep)
-        w[NX + m], w[NY + m], w[NZ + m] = -w[ZX + m] * upright, -w[ZY + m] * upright, upright
-        facing = w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m]
-        flat = w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m]
-        # Down steeply enough to meet the sheet only once, from the front on.
-        once = (w[DZ + m] <= -SHALLOWEST) & (w[DZ + m] * w[DZ + m] > back.steepest * flat)
-        found = once & (w[MISS + m] <= ACCEPTED * ACCEPTED * w[LIMIT + m] * steep) & (w[T + m] > 0.0) & (facing < 0.0)
-        w[MISS + m] = 0.0 if found else 1.0
-        good += int(found)
+    good = met_from_above(0.0, w)
+    if shallow_rays(back.steepest, w) > 0:  # which may have met it before
+        good = 0
+        for m in range(0, BLOCK, RAYS):
+            found = comes_down(back.steepest, m, w) & (eight(w, MISS + m) <= 0.0)
+            put(w, MISS + m, where(found, 0.0, 1.0))
+            good += count_of(found)
     return good
 
 
@@ -218,35 +213,50 @@ def _kept_to_cone(sheet, state, w):
     return ended
 
 
+@inner()
+def _begin_anew(w):
+    """Rays that begin at (X, Y, Z) in the directions R."""
+    for m in range(0, BLOCK, RAYS):
+        put(w, DX + m, eight(w, RX + m))
+        put(w, DY + m, eight(w, RY + m))
+        put(w, DZ + m, eight(w, RZ + m))
+        put(w, OX + m, eight(w, X + m))
+        put(w, OY + m, eight(w, Y + m))
+        put(w, OZ + m, eight(w, Z + m))
+
+
 @inner(fastmath={"contract"})
 def _go_down(index, w):
     """Refract rays into the glass, and take them as far down as the back was along the normal for the lane's last ray."""
     _refracted(1.0 / index, w)
-    for m in range(BLOCK):
-        w[DX + m], w[DY + m], w[DZ + m] = w[RX + m], w[RY + m], w[RZ + m]
-        w[OX + m], w[OY + m], w[OZ + m] = w[X + m], w[Y + m], w[Z + m]
-        w[DOWN + m] = -(w[DX + m] * w[NX + m] + w[DY + m] * w[NY + m] + w[DZ + m] * w[NZ + m])
-        w[T + m] = w[GAP + m] / w[DOWN + m]
+    _begin_anew(w)
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        down = -(dx * eight(w, NX + m) + dy * eight(w, NY + m) + dz * eight(w, NZ + m))
+        put(w, DOWN + m, down)
+        put(w, T + m, eight(w, GAP + m) / down)
 
 
 @inner(fastmath={"contract"})
 def _go_up(w):
     """Take rays up from the back, and note how far it was along the normal, and its own normals."""
-    for m in range(BLOCK):
-        w[GAP + m] = w[T + m] * w[DOWN + m]
-        w[BACK_X + m], w[BACK_Y + m], w[BACK_Z + m] = w[NX + m], w[NY + m], w[NZ + m]
-        w[DX + m], w[DY + m], w[DZ + m] = w[RX + m], w[RY + m], w[RZ + m]
-        w[OX + m], w[OY + m], w[OZ + m] = w[X + m], w[Y + m], w[Z + m]
+    for m in range(0, BLOCK, RAYS):
+        put(w, GAP + m, eight(w, T + m) * eight(w, DOWN + m))
+        put(w, BACK_X + m, eight(w, NX + m))
+        put(w, BACK_Y + m, eight(w, NY + m))
+        put(w, BACK_Z + m, eight(w, NZ + m))
+    _begin_anew(w)
 
 
 @inner(fastmath={"contract"})
 def _arrived(sheet, w):
     """How many rays from inside met the front; LAST becomes inf for those outside its cone."""
     good = 0
-    for m in range(BLOCK):
-        down = abs(sheet[0] * w[DX + m] + sheet[1] * w[DY + m] + sheet[2] * w[DZ + m])
-        w[LAST + m] = w[LAST + m] if down > sheet[3] else np.inf
-        good += int((w[LAST + m] <= ACCEPTED * w[LIMIT_P + m]) & (w[T + m] > 0.0) & (abs(w[NX + m]) <= 1.0))
+    for m in range(0, BLOCK, RAYS):
+        down = size(sheet[0] * eight(w, DX + m) + sheet[1] * eight(w, DY + m) + sheet[2] * eight(w, DZ + m))
+        last = where(down > sheet[3], eight(w, LAST + m), np.inf)
+        put(w, LAST + m, last)
+        good += count_of((last <= ACCEPTED * eight(w, LIMIT_P + m)) & (eight(w, T + m) > 0.0) & (size(eight(w, NX + m)) <= 1.0))
     return good
 
 
@@ -318,11 +328,13 @@ def _kernel(powers):
                         _left(sheets, state, w)
                     if passed.size > 0:
                         _passed(state, U, V, OUT_U, OUT_V, w)
-                    for m in range(BLOCK):
-                        w[NX + m], w[NY + m], w[NZ + m] = w[BACK_X + m], w[BACK_Y + m], w[BACK_Z + m]
+                    for m in range(0, BLOCK, RAYS):
+                        put(w, NX + m, eight(w, BACK_X + m))
+                        put(w, NY + m, eight(w, BACK_Y + m))
+                        put(w, NZ + m, eight(w, BACK_Z + m))
                     break
-                for m in range(BLOCK):
-                    w[ENTRY + m] = w[T + m]
+                for m in range(0, BLOCK, RAYS):
+                    put(w, ENTRY + m, eight(w, T + m))
                 if passed.size > 0:
                     _came_in(state, w)
                 if not (whole and good == BLOCK and within):
@@ -333,7 +345,6 @@ def _kernel(powers):
                 _go_down(sheets.refraction, w)
                 good = _to_back(powers, back, w)
                 x_low, x_high, y_low, y_high = box(w, X, Y)
-                reflect(w)
                 if good < BLOCK or not in_interior(sheets.back_strips.interior, sheets.back_strips.low,
                                                    sheets.back_strips.inverse_height, x_low, x_high, y_low, y_high):
                     whole = False
@@ -345,8 +356,8 @@ def _kernel(powers):
                 elif passed.size > 0:
                     _passed(state, X, Y, TURN_X, TURN_Y, w)
                 _go_up(w)
-            for m in range(BLOCK):
-                w[T + m] = w[ENTRY + m]
+            for m in range(0, BLOCK, RAYS):
+                put(w, T + m, eight(w, ENTRY + m))
             if whole:
                 store_all(w, start, results)
             else:

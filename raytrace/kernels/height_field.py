@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from raytrace.kernels.blocks import (
     V2,
     ZX,
     ZY,
+    K,
     Results,
     T,
     X,
@@ -55,6 +56,8 @@ Array = NDArray[np.float64]
 
 TOGETHER = 0.1  # of the sheet: rays that lie as near to each other begin better at a paraboloid than at the plane above
 KEPT_STEPS = 2  # of Newton's from a paraboloid: where it takes more, the next block gets a paraboloid of its own
+# Rows of rays apart: the cell that each has, its middle, and where its coefficients begin.
+LEFT, RIGHT, BELOW, OVER, MIDDLE_X, MIDDLE_Y, BASE = (K + BLOCK * k for k in range(7))
 SHALLOWEST = 0.05  # −d_z below which the plane above the sheet is no good place to start from
 
 
@@ -78,6 +81,18 @@ class HeightField(NamedTuple):
     twist: float
 
 
+def plain(field: HeightField, strips: Strips) -> tuple[Any, ...]:
+    """Both as one plain tuple, for `records`: records in records take 2 µs longer to enter compiled code."""
+    return (*field.cells, *field[1:], *strips)
+
+
+@compiled(inline="always")
+def records(n):
+    """The height field and the strips of `plain`."""
+    cells = Cells(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9])
+    return HeightField(cells, n[10], n[11], n[12], n[13], n[14]), Strips(n[15], n[16], n[17], n[18], n[19])
+
+
 @inner(fastmath={"contract"}, forceinline=True)
 def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max, w):
     """z, z_x, z_y of one cell's polynomial, whose coefficients begin at base, at (X, Y) into the rows Z, ZX, ZY."""
@@ -91,20 +106,35 @@ def _evaluate(powers, flat, base, centre_x, centre_y, x_min, x_max, y_min, y_max
         put(w, ZY + m, z_b)
 
 
+@inner()
+def forget_cells(w):
+    """No ray has a cell yet: those of another sheet say nothing."""
+    for m in range(0, BLOCK, RAYS):
+        put(w, LEFT + m, np.inf)
+
+
 @inner(fastmath={"contract"}, forceinline=True)
 def _evaluate_apart(powers, cells, w):
-    """`_evaluate` for rays that each have a cell of their own."""
+    """`_evaluate` for rays that each have a cell of their own, which is looked up where one has left the cell it had."""
     flat, ends_x, ends_y = cells.coefficients, cells.ends_u, cells.ends_v
     x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
-    for m in range(BLOCK):
-        x, y = clamp(w[X + m], x_min, x_max), clamp(w[Y + m], y_min, y_max)
-        i, j = cell_at(cells, x, y)
-        w[V0 + m], w[V1 + m] = x - cells.middle_u[i], y - cells.middle_v[j]
-        w[V2 + m] = (i * (ends_y.size - 2) + j) * powers * pitch(powers)
     for m in range(0, BLOCK, RAYS):
-        horner_apart(powers, flat, w, m, V2, V0, V1, Z, ZX, ZY)
         at_x, at_y = eight(w, X + m), eight(w, Y + m)
         x, y = minimum(maximum(at_x, x_min), x_max), minimum(maximum(at_y, y_min), y_max)
+        in_column = (x >= eight(w, LEFT + m)) & (x < eight(w, RIGHT + m))
+        if count_of(in_column & (y >= eight(w, BELOW + m)) & (y < eight(w, OVER + m))) == RAYS:
+            put(w, V0 + m, x - eight(w, MIDDLE_X + m))
+            put(w, V1 + m, y - eight(w, MIDDLE_Y + m))
+        else:
+            for k in range(m, m + RAYS):
+                place_x, place_y = clamp(w[X + k], x_min, x_max), clamp(w[Y + k], y_min, y_max)
+                i, j = cell_at(cells, place_x, place_y)
+                i, j = at(i), at(j)
+                w[LEFT + k], w[RIGHT + k], w[MIDDLE_X + k] = ends_x[i], ends_x[i + 1], cells.middle_u[i]
+                w[BELOW + k], w[OVER + k], w[MIDDLE_Y + k] = ends_y[j], ends_y[j + 1], cells.middle_v[j]
+                w[V0 + k], w[V1 + k] = place_x - w[MIDDLE_X + k], place_y - w[MIDDLE_Y + k]
+                w[BASE + k] = (i * (ends_y.size - 2) + j) * powers * pitch(powers)
+        horner_apart(powers, flat, w, m, BASE, V0, V1, Z, ZX, ZY)
         put(w, Z + m, eight(w, Z + m) + eight(w, ZX + m) * (at_x - x) + eight(w, ZY + m) * (at_y - y))
 
 
@@ -189,12 +219,18 @@ def _from_above(top, w):
 
 
 @inner(fastmath={"contract"})
+def comes_down(steepest, m, w):
+    """Which of eight rays come down steeply enough, and can meet the sheet only once."""
+    dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+    return (dz <= -SHALLOWEST) & (dz * dz > steepest * (dx * dx + dy * dy))
+
+
+@inner(fastmath={"contract"})
 def shallow_rays(steepest, w):
-    """How many rays do not come down steeply enough, or could meet the sheet twice."""
+    """How many rays do not come down so."""
     shallow = BLOCK
     for m in range(0, BLOCK, RAYS):
-        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
-        shallow -= count_of((dz <= -SHALLOWEST) & (dz * dz > steepest * (dx * dx + dy * dy)))
+        shallow -= count_of(comes_down(steepest, m, w))
     return shallow
 
 
@@ -230,13 +266,15 @@ def met(nearest, w):
 def _kernel(powers):
     """The kernel for `powers` = degree + 1 in both directions."""
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
-    def hits(w, q, state, field, strips, origins, directions, results):
+    def hits(w, q, state, numbers, origins, directions, results):
+        field, strips = records(numbers)
         cells, steepest = field.cells, field.steepest
         ends_x, ends_y = cells.ends_u, cells.ends_v
         n_rays = directions.size // 3
         last_x, last_y = ends_x.size - 3, ends_y.size - 3
         x_min, x_max, y_min, y_max = ends_x[0], ends_x[-2], ends_y[0], ends_y[-2]
         near_x, near_y = TOGETHER * (x_max - x_min), TOGETHER * (y_max - y_min)
+        forget_cells(w)
         warm = stale = False
         cell = 0  # the last one that held a whole block, and its ends
         cell_left, cell_right, cell_bottom, cell_top = np.inf, -np.inf, np.inf, -np.inf
@@ -338,7 +376,7 @@ def hits(field: HeightField, strips: Strips, origins: Array, directions: Array, 
     results : of the n rays.
     """
     rows, state, paraboloid = work()
-    _KERNELS[field.cells.powers](rows, paraboloid, state, field, strips, origins, directions, results)
+    _KERNELS[field.cells.powers](rows, paraboloid, state, plain(field, strips), origins, directions, results)
 
 
 @compiled(nogil=True)

@@ -54,7 +54,7 @@ from raytrace.kernels.compiled import compiled, inner
 from raytrace.kernels.lanes import horner_apart, pitch
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE, RESIDUAL
 from raytrace.kernels.trimming import Strips, in_interior, inside
-from raytrace.kernels.vectors import RAYS
+from raytrace.kernels.vectors import RAYS, count_of, eight, maximum, minimum, put, root, size, where
 
 Array = NDArray[np.float64]
 
@@ -89,12 +89,12 @@ def _evaluate_parts(powers, parts, flat, base, centre_u, centre_v, w):
     """One cell's polynomials, whose coefficients begin at base, and their derivatives at (U, V) into the rows P."""
     base = at(base)
     for part in range(parts):
-        for m in range(BLOCK):
-            a, b = w[U + m] - centre_u, w[V + m] - centre_v
+        for m in range(0, BLOCK, RAYS):
+            a, b = eight(w, U + m) - centre_u, eight(w, V + m) - centre_v
             value, along_u, along_v = horner(powers, flat, base + part * powers * pitch(powers), a, b)
-            w[P + 3 * part * BLOCK + m] = value
-            w[P + (3 * part + 1) * BLOCK + m] = along_u
-            w[P + (3 * part + 2) * BLOCK + m] = along_v
+            put(w, P + 3 * part * BLOCK + m, value)
+            put(w, P + (3 * part + 1) * BLOCK + m, along_u)
+            put(w, P + (3 * part + 2) * BLOCK + m, along_v)
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -155,11 +155,12 @@ def surface(powers, parts, cells, w):
 def centred(patches, w):
     """Count origins from the surface's centre, and write the rounding of a distance from them into the row LIMIT_P."""
     centre = patches.centre
-    for m in range(BLOCK):
-        w[OX + m] -= centre[0]
-        w[OY + m] -= centre[1]
-        w[OZ + m] -= centre[2]
-        w[LIMIT_P + m] = RESIDUAL * (patches.extent + abs(w[OX + m]) + abs(w[OY + m]) + abs(w[OZ + m]))
+    for m in range(0, BLOCK, RAYS):
+        x, y, z = eight(w, OX + m) - centre[0], eight(w, OY + m) - centre[1], eight(w, OZ + m) - centre[2]
+        put(w, OX + m, x)
+        put(w, OY + m, y)
+        put(w, OZ + m, z)
+        put(w, LIMIT_P + m, RESIDUAL * (patches.extent + size(x) + size(y) + size(z)))
 
 
 @inner(fastmath={"contract"})
@@ -169,29 +170,35 @@ def from_plane(patches, w):
     Returns how many rays do not keep to the sheet's cone: they may meet it more than once.
     """
     sheet = patches.sheet
-    shallow = 0
-    for m in range(BLOCK):
-        down = sheet[0] * w[DX + m] + sheet[1] * w[DY + m] + sheet[2] * w[DZ + m]
-        t = -(sheet[0] * w[OX + m] + sheet[1] * w[OY + m] + sheet[2] * w[OZ + m]) / down
-        x, y, z = w[OX + m] + t * w[DX + m], w[OY + m] + t * w[DY + m], w[OZ + m] + t * w[DZ + m]
-        w[U + m] = sheet[4] + sheet[5] * x + sheet[6] * y + sheet[7] * z
-        w[V + m] = sheet[8] + sheet[9] * x + sheet[10] * y + sheet[11] * z
-        shallow += 1 - int(abs(down) > sheet[3])
+    shallow = BLOCK
+    for m in range(0, BLOCK, RAYS):
+        ox, oy, oz, dx, dy, dz = (eight(w, OX + m), eight(w, OY + m), eight(w, OZ + m),
+                                  eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m))
+        down = sheet[0] * dx + sheet[1] * dy + sheet[2] * dz
+        t = -(sheet[0] * ox + sheet[1] * oy + sheet[2] * oz) / down
+        x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
+        put(w, U + m, sheet[4] + sheet[5] * x + sheet[6] * y + sheet[7] * z)
+        put(w, V + m, sheet[8] + sheet[9] * x + sheet[10] * y + sheet[11] * z)
+        shallow -= count_of(size(down) > sheet[3])
     return shallow
 
 
 @inner(fastmath={"contract"})
 def across(w):
     """Two directions across each ray: of the axes that are not nearest to it, and of the cross product with that."""
-    for m in range(BLOCK):
-        dx, dy, dz = w[DX + m], w[DY + m], w[DZ + m]
-        to_z = abs(dz) < 0.9
-        ax, ay, az = (dy, -dx, 0.0) if to_z else (0.0, dz, -dy)
-        length = np.sqrt(ax * ax + ay * ay + az * az)
+    for m in range(0, BLOCK, RAYS):
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
+        to_z = size(dz) < 0.9
+        ax, ay, az = where(to_z, dy, 0.0), where(to_z, -dx, dz), where(to_z, 0.0, -dy)
+        length = root(ax * ax + ay * ay + az * az)
         ax, ay, az = ax / length, ay / length, az / length
-        w[AX + m], w[AY + m], w[AZ + m] = ax, ay, az
-        w[BX + m], w[BY + m], w[BZ + m] = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
-        w[LAST + m] = np.inf
+        put(w, AX + m, ax)
+        put(w, AY + m, ay)
+        put(w, AZ + m, az)
+        put(w, BX + m, dy * az - dz * ay)
+        put(w, BY + m, dz * ax - dx * az)
+        put(w, BZ + m, dx * ay - dy * ax)
+        put(w, LAST + m, np.inf)
 
 
 @inner(fastmath={"contract"})
@@ -200,25 +207,27 @@ def kept_near(patches, w):
     ends_u, ends_v = patches.cells.ends_u, patches.cells.ends_v
     u_min, u_max, v_min, v_max = ends_u[0], ends_u[-2], ends_v[0], ends_v[-2]
     beyond_u, beyond_v = BEYOND * (u_max - u_min), BEYOND * (v_max - v_min)
-    for m in range(BLOCK):
-        w[U + m] = clamp(w[U + m], u_min - beyond_u, u_max + beyond_u)
-        w[V + m] = clamp(w[V + m], v_min - beyond_v, v_max + beyond_v)
+    for m in range(0, BLOCK, RAYS):
+        put(w, U + m, minimum(maximum(eight(w, U + m), u_min - beyond_u), u_max + beyond_u))
+        put(w, V + m, minimum(maximum(eight(w, V + m), v_min - beyond_v), v_max + beyond_v))
 
 
 @inner(fastmath={"contract"})
 def residuals(w):
     """How far the points of the rows P are off their rays, across them, into NX and NY; how many are off by no rounding."""
     sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
-    moving = 0
-    for m in range(BLOCK):
-        x, y, z = w[sx + m] - w[OX + m], w[sy + m] - w[OY + m], w[sz + m] - w[OZ + m]
-        f = w[AX + m] * x + w[AY + m] * y + w[AZ + m] * z
-        g = w[BX + m] * x + w[BY + m] * y + w[BZ + m] * z
-        miss = np.sqrt(f * f + g * g)
-        settled = (miss <= w[LIMIT_P + m]) | ((miss <= ACCEPTED * w[LIMIT_P + m]) & (miss >= 0.5 * w[LAST + m]))
-        w[LAST + m] = miss
-        w[NX + m], w[NY + m] = f, g
-        moving += 1 - int(settled)
+    moving = BLOCK
+    for m in range(0, BLOCK, RAYS):
+        x = eight(w, sx + m) - eight(w, OX + m)
+        y = eight(w, sy + m) - eight(w, OY + m)
+        z = eight(w, sz + m) - eight(w, OZ + m)
+        f = eight(w, AX + m) * x + eight(w, AY + m) * y + eight(w, AZ + m) * z
+        g = eight(w, BX + m) * x + eight(w, BY + m) * y + eight(w, BZ + m) * z
+        miss, limit = root(f * f + g * g), eight(w, LIMIT_P + m)
+        moving -= count_of((miss <= limit) | ((miss <= ACCEPTED * limit) & (miss >= 0.5 * eight(w, LAST + m))))
+        put(w, LAST + m, miss)
+        put(w, NX + m, f)
+        put(w, NY + m, g)
     return moving
 
 
@@ -231,20 +240,20 @@ def stepped(patches, w):
     beyond_u, beyond_v = BEYOND * (u_max - u_min), BEYOND * (v_max - v_min)
     # On a closed surface it goes on at the other side of the seam.
     turn_u, turn_v = closed[0] * (u_max - u_min), closed[1] * (v_max - v_min)
-    for m in range(BLOCK):
-        ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
-        vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
-        fu = w[AX + m] * ux + w[AY + m] * uy + w[AZ + m] * uz
-        fv = w[AX + m] * vx + w[AY + m] * vy + w[AZ + m] * vz
-        gu = w[BX + m] * ux + w[BY + m] * uy + w[BZ + m] * uz
-        gv = w[BX + m] * vx + w[BY + m] * vy + w[BZ + m] * vz
-        inverse = 1.0 / (fu * gv - fv * gu)
-        u = w[U + m] - (w[NX + m] * gv - w[NY + m] * fv) * inverse
-        v = w[V + m] - (w[NY + m] * fu - w[NX + m] * gu) * inverse
-        u += turn_u * (1.0 if u < u_min else 0.0) - turn_u * (1.0 if u > u_max else 0.0)
-        v += turn_v * (1.0 if v < v_min else 0.0) - turn_v * (1.0 if v > v_max else 0.0)
-        w[U + m] = clamp(u, u_min - beyond_u, u_max + beyond_u)
-        w[V + m] = clamp(v, v_min - beyond_v, v_max + beyond_v)
+    for m in range(0, BLOCK, RAYS):
+        ux, uy, uz = eight(w, sx + BLOCK + m), eight(w, sy + BLOCK + m), eight(w, sz + BLOCK + m)
+        vx, vy, vz = eight(w, sx + 2 * BLOCK + m), eight(w, sy + 2 * BLOCK + m), eight(w, sz + 2 * BLOCK + m)
+        ax, ay, az = eight(w, AX + m), eight(w, AY + m), eight(w, AZ + m)
+        bx, by, bz = eight(w, BX + m), eight(w, BY + m), eight(w, BZ + m)
+        fu, fv = ax * ux + ay * uy + az * uz, ax * vx + ay * vy + az * vz
+        gu, gv = bx * ux + by * uy + bz * uz, bx * vx + by * vy + bz * vz
+        f, g, inverse = eight(w, NX + m), eight(w, NY + m), 1.0 / (fu * gv - fv * gu)
+        u = eight(w, U + m) - (f * gv - g * fv) * inverse
+        v = eight(w, V + m) - (g * fu - f * gu) * inverse
+        u = u + where(u < u_min, turn_u, 0.0) - where(u > u_max, turn_u, 0.0)
+        v = v + where(v < v_min, turn_v, 0.0) - where(v > v_max, turn_v, 0.0)
+        put(w, U + m, minimum(maximum(u, u_min - beyond_u), u_max + beyond_u))
+        put(w, V + m, minimum(maximum(v, v_min - beyond_v), v_max + beyond_v))
 
 
 @compiled(fastmath={"contract"}, inline="always")
@@ -265,21 +274,28 @@ def met(patches, sign, one_sided, w):
     """
     centre = patches.centre
     sx, sy, sz = P, P + 3 * BLOCK, P + 6 * BLOCK
-    good = 0
-    for m in range(BLOCK):
-        x, y, z = w[sx + m], w[sy + m], w[sz + m]
-        ux, uy, uz = w[sx + BLOCK + m], w[sy + BLOCK + m], w[sz + BLOCK + m]
-        vx, vy, vz = w[sx + 2 * BLOCK + m], w[sy + 2 * BLOCK + m], w[sz + 2 * BLOCK + m]
+    good, most = 0, 0.0 if one_sided else np.inf
+    for m in range(0, BLOCK, RAYS):
+        x, y, z = eight(w, sx + m), eight(w, sy + m), eight(w, sz + m)
+        ux, uy, uz = eight(w, sx + BLOCK + m), eight(w, sy + BLOCK + m), eight(w, sz + BLOCK + m)
+        vx, vy, vz = eight(w, sx + 2 * BLOCK + m), eight(w, sy + 2 * BLOCK + m), eight(w, sz + 2 * BLOCK + m)
+        dx, dy, dz = eight(w, DX + m), eight(w, DY + m), eight(w, DZ + m)
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = np.sqrt(nx * nx + ny * ny + nz * nz)
-        facing = sign * (nx * w[DX + m] + ny * w[DY + m] + nz * w[DZ + m])
-        turn = sign / length if facing <= 0.0 else -sign / length
-        w[NX + m], w[NY + m], w[NZ + m] = nx * turn, ny * turn, nz * turn
-        w[T + m] = (x - w[OX + m]) * w[DX + m] + (y - w[OY + m]) * w[DY + m] + (z - w[OZ + m]) * w[DZ + m]
-        w[X + m], w[Y + m], w[Z + m] = x + centre[0], y + centre[1], z + centre[2]
-        w[MISS + m] = facing
-        good += int((w[LAST + m] <= ACCEPTED * w[LIMIT_P + m]) & (length > 0.0) & (w[T + m] > NEAREST_MM)
-                    & ((facing < 0.0) | (not one_sided)))
+        length = root(nx * nx + ny * ny + nz * nz)
+        facing = sign * (nx * dx + ny * dy + nz * dz)
+        turn = sign / length
+        turn = where(facing <= 0.0, turn, -turn)
+        t = (x - eight(w, OX + m)) * dx + (y - eight(w, OY + m)) * dy + (z - eight(w, OZ + m)) * dz
+        put(w, NX + m, nx * turn)
+        put(w, NY + m, ny * turn)
+        put(w, NZ + m, nz * turn)
+        put(w, T + m, t)
+        put(w, X + m, x + centre[0])
+        put(w, Y + m, y + centre[1])
+        put(w, Z + m, z + centre[2])
+        put(w, MISS + m, facing)
+        found = (eight(w, LAST + m) <= ACCEPTED * eight(w, LIMIT_P + m)) & (length > 0.0) & (t > NEAREST_MM)
+        good += count_of(found & (facing < most))
     return good
 
 
