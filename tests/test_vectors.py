@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from raytrace.kernels import blocks
+from raytrace.kernels.blocks import BLOCK, X, Y
 from raytrace.kernels.compiled import compiled
 from raytrace.kernels.vectors import RAYS, count_of, eight, ends_of, maximum, minimum, put, root, size, where
 
@@ -61,3 +63,18 @@ def test_the_least_and_the_greatest_are_found_wherever_they_stand(at: int) -> No
     inside = slice(1, RAYS + 1)
     assert box(a, b) == (-3.0, a[inside].max(), b[inside].min(), 5.0)
     assert box(b, a) == (b[inside].min(), 5.0, -3.0, a[inside].max())
+
+
+@compiled()
+def box_of_rows(w):
+    return blocks.box(w, X, Y)
+
+
+@pytest.mark.parametrize("lost", [(0,), (7,), (8,), (15,), (3, 11), tuple(range(8)), tuple(range(8, 16)), tuple(range(1, 16))])
+def test_a_lost_ray_does_not_hide_where_the_others_of_its_block_are(lost: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(len(lost) + lost[0])
+    w = np.full(64 * BLOCK, np.nan)
+    x, y = rng.normal(size=(2, BLOCK))
+    x[list(lost)] = y[list(lost)] = np.nan
+    w[X:X + BLOCK], w[Y:Y + BLOCK] = x, y
+    assert box_of_rows(w) == (np.nanmin(x), np.nanmax(x), np.nanmin(y), np.nanmax(y))

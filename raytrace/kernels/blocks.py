@@ -99,9 +99,10 @@ def clamp(x, low, high):
 
 @inner()
 def box(w, first, second):
-    """Smallest and largest value of two rows. A NaN may give anything: indices made of it are clamped."""
+    """Smallest and largest value of two rows, of what is not NaN: a ray that is lost must not hide where the others are."""
     a, b, c, d = eight(w, first), eight(w, first + RAYS), eight(w, second), eight(w, second + RAYS)
-    return ends_of(minimum(a, b), maximum(a, b), minimum(c, d), maximum(c, d))
+    return ends_of(minimum(a, minimum(b, np.inf)), maximum(a, maximum(b, -np.inf)),
+                   minimum(c, minimum(d, np.inf)), maximum(c, maximum(d, -np.inf)))
 
 
 @inner(fastmath={"contract"})
