@@ -58,6 +58,8 @@ TOGETHER = 0.1  # of the sheet: rays that lie as near to each other begin better
 KEPT_STEPS = 2  # of Newton's from a paraboloid: where it takes more, the next block gets a paraboloid of its own
 # Rows of rays apart: the cell that each has, its middle, and where its coefficients begin.
 LEFT, RIGHT, BELOW, OVER, MIDDLE_X, MIDDLE_Y, BASE = (K + BLOCK * k for k in range(7))
+CLEAR_MM = 1e-6  # of the rectangle: what is nearer to it may be met within, but for rounding
+FALLS = 0.01  # how far a ray comes down a mm, at the least, where it is known to meet one place alone: enough for CLEAR_MM
 SHALLOWEST = 0.05  # −d_z below which the plane above the sheet is no good place to start from
 
 
@@ -263,6 +265,20 @@ def met(nearest, w):
     return good
 
 
+@inner()
+def _passes(field, w, m):
+    """Whether a ray that meets the sheet's continuation beyond the rectangle is known to meet none of the sheet.
+
+    Beside an edge the continuation is z + z_x·Δx, and its slopes differ from the edge's by z_xy·Δx. A ray that comes down more
+    steeply than that has no second place where its height is 0: not over the rectangle, before or behind.
+    """
+    ends_x, ends_y = field.cells.ends_u, field.cells.ends_v
+    x, y = w[X + m], w[Y + m]
+    beyond = max(abs(x - clamp(x, ends_x[0], ends_x[-2])), abs(y - clamp(y, ends_y[0], ends_y[-2])))
+    slope = np.sqrt(field.steepest) + field.bend * beyond
+    return beyond > CLEAR_MM and -w[DZ + m] > slope * np.sqrt(w[DX + m] * w[DX + m] + w[DY + m] * w[DY + m]) + FALLS
+
+
 def _kernel(powers):
     """The kernel for `powers` = degree + 1 in both directions."""
     @compiled(nogil=True, fastmath={"contract"}, _nrt=False)
@@ -343,9 +359,10 @@ def _kernel(powers):
             for m in range(BLOCK):
                 if degenerate > 0 and state[m] != HIT:
                     continue
-                # Beyond its rectangle the sheet's continuation is not the sheet: what is met there says nothing of before.
-                if w[MISS + m] != 0.0 or not (x_min <= w[X + m] <= x_max and y_min <= w[Y + m] <= y_max):
+                if w[MISS + m] != 0.0:
                     state[m] = LOST
+                elif not (x_min <= w[X + m] <= x_max and y_min <= w[Y + m] <= y_max):
+                    state[m] = OUTSIDE if _passes(field, w, m) else LOST
                 elif inside(strips, w[X + m], w[Y + m]):
                     state[m] = HIT
                 else:
@@ -363,9 +380,10 @@ def hits(field: HeightField, strips: Strips, origins: Array, directions: Array, 
 
     It starts from the plane above the sheet or, for rays that lie together, from the paraboloid that osculates the sheet
     between them. A step is the last where |f|·n_z, the distance from the tangent plane, is rounding, or is known to be
-    rounding after it: see `newton_step`. Beyond its rectangle the sheet goes on as the tangent plane at the nearest edge.
+    rounding after it: see `newton_step`. Beyond its rectangle the sheet goes on as the tangent plane at the nearest edge; a ray
+    that meets it there is OUTSIDE where it is known to meet nothing else.
 
-    Rays that do not come down steeply enough to meet the sheet only once (d_z² > steepest·(d_x² + d_y²)), do not
+    Other rays that do, that do not come down steeply enough to meet the sheet only once (d_z² > steepest·(d_x² + d_y²)), do not
     converge, arrive from below or start beneath it are LOST: `raytrace.kernels.height_field_search` takes them.
 
     Parameters

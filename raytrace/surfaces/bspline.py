@@ -27,7 +27,6 @@ from raytrace.surfaces.base import BoundedFace, RigidMotion, grid_points, no_ins
 from raytrace.surfaces.cut import inboard_of
 from raytrace.surfaces.differentials import curvature_tensors
 from raytrace.surfaces.inset import moved_inwards
-from raytrace.surfaces.leaving import leaves_above
 from raytrace.surfaces.pieces import pieces_of
 from raytrace.surfaces.polynomials import height_field_of, is_graph, patches_of
 from raytrace.surfaces.trimming import Trimming
@@ -168,8 +167,6 @@ class BSplineFace(BoundedFace):
         field, strips = self.height_field, self.trimming.strips
         if field is not None:
             run_kernel(partial(height_field.hits, field, strips), rays, out, self.sorting_grid)
-            for part, some in rays.in_parts(out.rows_of(Status.LOST)):
-                out.status[part[leaves_above(field, self.surface, some)]] = Status.MISSED
         elif len(self.patches.sheet):
             run_kernel(partial(parametric.hits, self.patches, strips, self.sign, self.one_sided), rays, out, self.sorting_grid)
         else:
