@@ -45,6 +45,9 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
 @app.command
 def paper(*, out: Out = None, json: Json = False) -> int:
     """Reproduce the paper: six mirrors, figures 5 and 6, table 1 and a page of it all (default: exports/paper)."""
+    from mirror_studio.compiling import compile_beside
+
+    compile_beside()
     from mirror_studio.as_json import table1_as_json
     from mirror_studio.build.paper import build_paper
     from mirror_studio.progress import Progress
