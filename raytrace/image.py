@@ -110,11 +110,12 @@ def _render(reflector: Reflector | None, camera: Camera, scene: Scene, pixels: N
         with lock:
             counts.update(trace.counts())
 
-    parallel_for(work, len(pixels), max(1, RAYS_AT_ONCE // per_pixel), lambda done: report(done / len(pixels)))
+    parallel_for(work, len(pixels), max(1, RAYS_AT_ONCE // per_pixel), lambda done: report(done / len(pixels)), RUNS)
     return counts
 
 
 RAYS_AT_ONCE = 16_384  # rays, results and colours of a run: two megabytes, near a core
+RUNS = 4  # are what their number is a multiple of: each costs a lit world half a millisecond beside its rays
 BAND = 4  # rows: 16 rays in a row, which a kernel takes at once, then are a square, and mostly on one cell of the surface
 
 

@@ -28,8 +28,11 @@ def run_size(n: int, run: int = RUN, shares: int = SHARES) -> int:
     return min(run, max(MIN_RUN, ALIGNED * -(-n // (ALIGNED * runs))))
 
 
-def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done: Callable[[int], None] | None = None) -> None:
+def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done: Callable[[int], None] | None = None,
+                 shares: int = SHARES) -> None:
     """Call work(start, stop) for consecutive runs that cover 0 … n, on all cores.
+
+    run, shares : as `run_size` has them.
 
     Inside one of several runs nothing is shared out any more: its core takes as few runs as `run` allows.
 
@@ -42,7 +45,7 @@ def parallel_for(work: Callable[[int, int], None], n: int, run: int = RUN, done:
             done(n)
         return
     in_run = getattr(_thread, "in_run", False)
-    size = run_size(n, run, 1 if in_run else SHARES)
+    size = run_size(n, run, 1 if in_run else shares)
     starts = range(0, n, size)
     each = work if in_run or len(starts) <= 1 else partial(_one_of_several, work)
     if each is work or THREADS == 1:

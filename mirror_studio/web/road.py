@@ -47,8 +47,8 @@ from raytrace.viewing.view import View
 Array = NDArray[np.float64]
 Report = Callable[[str, float], None]  # what is being done, and the share of it that is
 
-DRAFT_MS = 20.0  # for the rays of a draft's pictures: with the design and its way to the page some 65 ms, 15 a second
-MIN_DRAFT_PX = 20_000  # a picture; below, little is recognised (glass has much of its time in what no pixel adds to)
+DRAFT_MS = 14.0  # for the rays of a draft's pictures: with the design and its way to the page some 50 ms, three frames
+MIN_DRAFT_PX = 14_000  # a picture; below, little is recognised (glass has much of its time in what no pixel adds to)
 SLOWEST, FASTEST = 50.0, 20_000.0  # pixels a millisecond that one measurement of the pace is believed
 TALLEST = 1.75  # rows over columns: beyond, a picture holds nothing but more sky and grass
 FINE = "fine picture"

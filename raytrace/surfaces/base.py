@@ -89,6 +89,12 @@ class OpticalSurface(ABC):
     def outline(self) -> Array:
         """Points (n, 3), mm, between which it lies in x and y."""
 
+    @cached_property
+    def box(self) -> Box:
+        """(x_min, x_max, y_min, y_max) of its outline, mm."""
+        x, y, _ = self.outline().T
+        return float(x.min()), float(x.max()), float(y.min()), float(y.max())
+
     @abstractmethod
     def moved(self, motion: RigidMotion) -> Self:
         """The same surface in other coordinates, exact but for rounding."""

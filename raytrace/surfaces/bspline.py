@@ -125,6 +125,14 @@ class BSplineFace(BoundedFace):
         return self._outline
 
     @cached_property
+    def box(self) -> Box:
+        """That of its loops, where x and y are the parameters: the rim between their points need not be worked out."""
+        if self.height_field is None:
+            return super().box
+        x, y = np.concatenate(self.loops).T
+        return float(x.min()), float(x.max()), float(y.min()), float(y.max())
+
+    @cached_property
     def _outline(self) -> Array:
         points = np.concatenate([np.empty((0, 3)), *(curve.points for curve in self.rim)])
         if self.height_field is not None:

@@ -169,6 +169,11 @@ class Plate(OpticalSurface):
         return self.back.outline()
 
     @property
+    def box(self) -> Box:  # type: ignore[override]  # worked out once, there
+        """Of the back."""
+        return self.back.box
+
+    @property
     def rim(self) -> tuple[Curve, ...]:
         """That of the back."""
         return self.back.rim

@@ -255,8 +255,7 @@ class View:
 
 def box_of(reflector: Reflector) -> Box:
     """(x_min, x_max, y_min, y_max) of what reflects, mm."""
-    low, high = reflector.bounds
-    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+    return reflector.surface.box
 
 
 def mirror_grid(view: View, columns: int, rows: int) -> tuple[Array, Array, Array]:
