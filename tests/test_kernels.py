@@ -6,6 +6,7 @@ import fcntl
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -37,28 +38,66 @@ def twice():
 """
 
 
-def of_twice(home: Path) -> int:
-    """What a new process finds."""
-    found = subprocess.run(
-        [sys.executable, "-c",
-         "from raytrace.kernels.calls import twice; print(twice(), sum(twice.stats.cache_hits.values()))"],
-        check=True, capture_output=True, text=True, cwd=home, env={**os.environ, "PYTHONPATH": str(home)})
-    value, hits = found.stdout.split()
+class Index:
+    """Where numba keeps one function, `save` apart."""
+
+    def __init__(self, folder: Path, save: Callable[[object, object], None]) -> None:
+        self.save, self._cache_path, self._index_name = save, str(folder), "twice-1.py3.nbi"
+
+    def _load_index(self) -> dict[str, str]:
+        return {"int64": "twice-1.py3.2.nbc"}
+
+
+def in_new_process(home: Path, code: str) -> str:
+    """What it says. Python's own cache, which takes sources of one second and size for the same, is left out."""
+    return subprocess.run([sys.executable, "-B", "-c", f"from raytrace.kernels.calls import twice; {code}"], check=True,
+                          capture_output=True, text=True, cwd=home, env={**os.environ, "PYTHONPATH": str(home)}).stdout
+
+
+def of_twice(home: Path) -> tuple[int, int]:
+    """What a new process finds, and how much of it was kept."""
+    value, hits = in_new_process(home, "print(twice(), sum(twice.stats.cache_hits.values()))").split()
     return int(value), int(hits)
 
 
-def test_a_change_in_a_kernel_that_another_calls_is_noticed(tmp_path: Path) -> None:
-    package = tmp_path / "raytrace" / "kernels"
-    package.mkdir(parents=True)
-    for folder in (package, package.parent):
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Where these functions stand, with what compiles kernels."""
+    found = tmp_path / "raytrace" / "kernels"
+    found.mkdir(parents=True)
+    for folder in (found, found.parent):
         (folder / "__init__.py").write_text("")
-    (package / "compiled.py").write_bytes((KERNELS / "compiled.py").read_bytes())
-    (package / "calls.py").write_text(CALLS)
-    (package / "called.py").write_text(CALLED.format(3))
+    (found / "compiled.py").write_bytes((KERNELS / "compiled.py").read_bytes())
+    (found / "calls.py").write_text(CALLS)
+    (found / "called.py").write_text(CALLED.format(3))
+    return found
+
+
+def test_a_change_in_a_kernel_that_another_calls_is_noticed(tmp_path: Path, package: Path) -> None:
     assert of_twice(tmp_path) == (6, 0)
     assert of_twice(tmp_path) == (6, 1)  # from the cache
     (package / "called.py").write_text(CALLED.format(5))
     assert of_twice(tmp_path) == (10, 0)
+
+
+@pytest.mark.parametrize("ends", ["os._exit(0)", "raise_(OSError(28, 'No space left on device'))"])
+def test_a_process_that_ends_while_it_keeps_a_kernel_leaves_nothing_of_older_sources(tmp_path: Path, package: Path, ends: str,
+                                                                                      ) -> None:
+    assert of_twice(tmp_path) == (6, 0)
+    (package / "called.py").write_text(CALLED.format(5))
+    in_new_process(tmp_path, f"""
+import os
+
+
+def raise_(error):
+    raise error
+
+
+twice._cache._cache_file._save_data = lambda name, data: {ends}
+assert twice() == 10
+""")
+    assert of_twice(tmp_path) == (10, 0)
+    assert of_twice(tmp_path) == (10, 1)
 
 
 def test_what_is_compiled_is_kept_by_one_process_at_a_time(tmp_path: Path) -> None:
@@ -70,9 +109,12 @@ def test_what_is_compiled_is_kept_by_one_process_at_a_time(tmp_path: Path) -> No
         kept.append((key, data))
 
     kept: list[tuple[object, object]] = []
-    compiled._alone(save, str(tmp_path))("float64", b"code")
-    compiled._alone(lambda key, data: kept.append((key, data)), str(tmp_path / "none"))("int64", b"code")
-    assert kept == [("float64", b"code"), ("int64", b"code")]
+    mine, others = ("twice-1.py3.1.nbc", "twice-1.py3.2.nbc"), ("twice-12.py3.1.nbc", "twice-1.py3.nbi")
+    for name in (*mine, *others):
+        (tmp_path / name).write_text("")
+    compiled._alone(Index(tmp_path, save))("float64", b"code")
+    assert kept == [("float64", b"code")]
+    assert {path.name for path in tmp_path.iterdir()} == {mine[1], *others}  # what its index does not name has gone
 
 
 def test_python_gets_what_only_kernels_call_interpreted() -> None:

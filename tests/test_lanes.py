@@ -12,6 +12,8 @@ from raytrace.kernels.cells import PADDED_POWERS, Cells, horner, taylor_of_any
 from raytrace.kernels.compiled import compiled
 from raytrace.kernels.lanes import horner_apart, pitch
 from raytrace.kernels.vectors import RAYS
+from raytrace.rays import Rays, Trace
+from raytrace.surfaces.bspline import BSplineFace
 from raytrace.surfaces.polynomials import height_field_of
 
 CELLS = 5
@@ -79,6 +81,40 @@ def test_no_bound_holds_where_second_derivatives_jump(knots: list[float], degree
     assert field is not None
     assert field.twist == np.inf
     assert np.isfinite(field.bend)
+
+
+def test_no_bound_holds_either_where_some_second_derivatives_jump_and_others_do_not() -> None:
+    """The change along x of those that do not is 0/0 in poles, and what the poles say of others must not hide that."""
+    sheet = sheet_with([*[0.0] * 5, 4.0, 4.0, 4.0, *[10.0] * 5], 4)
+    poles = sheet.poles.copy()
+    poles[:, 2, 2] = 0.0  # straight along x
+    for along_x in (True, False):
+        turned = BSplineSurface(4, 4, sheet.knots_v, sheet.knots_u, poles.swapaxes(0, 1)[..., [1, 0, 2]])
+        field = height_field_of(BSplineSurface(4, 4, sheet.knots_u, sheet.knots_v, poles) if along_x else turned)
+        assert field is not None
+        assert field.twist == np.inf
+
+
+@pytest.mark.parametrize(("degree_u", "degree_v"), [(3, 1), (1, 3), (1, 1), (2, 1), (1, 2)])
+def test_a_sheet_that_is_ruled_has_bounds_and_is_met(degree_u: int, degree_v: int) -> None:
+    """A straight line between two poles has no second derivative of its own, and the sheet has that of both."""
+    knots = [np.concatenate([[0.0] * (d + 1), [30.0, 60.0][:2 * (d > 1)], [100.0] * (d + 1)]) for d in (degree_u, degree_v)]
+    x, y = (greville_abscissae(k, d) for k, d in zip(knots, (degree_u, degree_v), strict=True))
+    z = np.random.default_rng(5).normal(size=(len(x), len(y)))
+    surface = BSplineSurface(degree_u, degree_v, *knots, np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1))
+    field = height_field_of(surface)
+    assert field is not None
+    u, v = (np.linspace(0.5, 99.5, 298),) * 2
+    d = surface.on_grid(u, v, order=2)
+    size = np.linalg.eigvalsh(np.stack([d["uu"], d["uv"], d["uv"], d["vv"]], axis=-1)[..., 2, :].reshape(-1, 2, 2))
+    assert np.abs(size).max() <= field.bend * (1.0 + 1e-12)  # of one cell they are equal, but for rounding
+    assert field.twist == np.inf if 2 in (degree_u, degree_v) else np.isfinite(field.twist)
+    face = BSplineFace(surface, (np.zeros((1, 2)),)).untrimmed()
+    aimed = surface.evaluate(*np.random.default_rng(6).uniform(0.1, 99.9, (2, 500)))
+    rays = Rays(np.array([[40.0, 60.0, 500.0]]), aimed - [40.0, 60.0, 500.0])
+    found = Trace.empty(500)
+    face.first_hits(rays, found)
+    assert found.points == pytest.approx(aimed, abs=1e-11)
 
 
 def taylor_at(cells: Cells, at: np.ndarray) -> np.ndarray:

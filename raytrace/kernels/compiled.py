@@ -45,25 +45,34 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
         if hasattr(index, "_source_stamp"):
             index._source_stamp = (index._source_stamp, sources())
-            index.save = _alone(index.save, index._cache_path)
+            index.save = _alone(index)
         return dispatcher
 
     return wrap
 
 
-def _alone(save: Callable[[object, object], None], folder: str) -> Callable[[object, object], None]:
-    """Keep what is compiled while no other process does so in the same folder.
+def _alone(index: Any) -> Callable[[object, object], None]:
+    """Keep what is compiled while no other process does so in the same folder, under a name that nothing older has.
 
     Two that keep a function for two kinds of arguments at once would give both the same name, and one its code under the
-    other's kind.
+    other's kind. And when sources have changed, numba gives out the same names anew, and tells of a name before it writes what
+    has it: who reads between the two, or after a process that was ended there, would get what an older function has left,
+    for other kinds of arguments even.
     """
+    save, folder, own = index.save, index._cache_path, index._index_name.removesuffix("nbi")
+
     def saved(key: object, data: object) -> None:
         with contextlib.ExitStack() as held:
             with contextlib.suppress(OSError):  # where there are no locks, it goes without, as numba does
                 handle = os.open(folder, os.O_RDONLY)
                 held.callback(os.close, handle)
                 fcntl.flock(handle, fcntl.LOCK_EX)
-            save(key, data)
+            with contextlib.suppress(OSError):  # on a full disk nothing is kept, and what is compiled is used all the same
+                told = set(index._load_index().values())
+                for path in Path(folder).iterdir():
+                    if path.name.startswith(own) and path.suffix == ".nbc" and path.name not in told:
+                        path.unlink(missing_ok=True)
+                save(key, data)
 
     return saved
 

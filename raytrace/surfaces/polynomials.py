@@ -229,7 +229,7 @@ def _bends(surface: BSplineSurface) -> tuple[float, float]:
         poles, of_v = _derivative_poles(poles, *of_v, 1)
         along[0, order] = (poles, of_u, of_v)
     uu, uv, vv, uuu, uuv, uvv, vvv = (float(np.abs(along[n - k, k][0]).max(initial=0.0)) for n in (2, 3) for k in range(n + 1))
-    twist = max(uuu + 2.0 * uuv + uvv, uuv + 2.0 * uvv + vvv)
+    twist = float(np.max((uuu + 2.0 * uuv + uvv, uuv + 2.0 * uvv + vvv)))  # NaN where one is: Python's max may forget it
     jumps = any(degree < 3 and len(knots) > 2 * (degree + 1) for knots, degree in (u, v))
     return max(uu + uv, uv + vv), np.inf if jumps or not np.isfinite(twist) else twist
 
@@ -237,7 +237,7 @@ def _bends(surface: BSplineSurface) -> tuple[float, float]:
 def _derivative_poles(poles: Array, knots: Array, degree: int, axis: int) -> tuple[Array, tuple[Array, int]]:
     """Poles, knots and degree of the derivative along an axis: degree·(P_i+1 − P_i)/(t_i+p+1 − t_i+1); they bound it."""
     if degree == 0:
-        return np.zeros((1, 1)), (knots, 0)
+        return np.zeros_like(poles), (knots, 0)
     apart = knots[degree + 1:-1] - knots[1:-degree - 1]
     steps = np.diff(poles, axis=axis)
     with np.errstate(divide="ignore", invalid="ignore"):
