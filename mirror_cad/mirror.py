@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 from mirror_cad.designed import DesignedCurvature
 from mirror_cad.deviation import Deviation, compare_stages
 from mirror_cad.errors import WriteError
-from mirror_cad.kernel import PlateText, write_apart
+from mirror_cad.kernel import PlateText, write_and_read_apart, write_apart
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.outline import Outline
 from mirror_cad.outline.transition import TransitionLine, transition_line
+from mirror_cad.plate_files import PlateFiles, ReadStep
 from mirror_cad.reflection import reflected_mesh, reflected_surface
 from mirror_cad.section_fov import circle_section_fov, section_fov
 from mirror_cad.sections import DecoupledSag, Sag
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     import build123d
     import cadquery
 
+    from mirror_cad.occt.convert import BSplineArrays
     from mirror_cad.occt.solid import Plate
 
 Array = NDArray[np.float64]
@@ -154,6 +157,26 @@ class Mirror:
         """
         return self.surface if self.spec.glass.reflecting == "front" else self._other_face[0]
 
+    @property
+    def back(self) -> BSplineSurface:
+        """The surface away from the driver.
+
+        Raises
+        ------
+        SolidError
+        """
+        return self._other_face[0] if self.spec.glass.reflecting == "front" else self.surface
+
+    @property
+    def back_error_mm(self) -> float:
+        """How far the face that is not the optical one is from the true offset, mm.
+
+        Raises
+        ------
+        SolidError
+        """
+        return self._other_face[1]
+
     @cached_property
     def _other_face(self) -> tuple[BSplineSurface, float]:
         return offset_surface(self.surface, self.outline, self.spec.glass.thickness_mm, self.spec.glass.reflecting)
@@ -213,9 +236,42 @@ class Mirror:
             As `export_step`.
         """
         made = self.as_made
+        write_apart(Path(path), *made._face_arrays, made.outline, self.spec.glass.thickness_mm, made._text)
+
+    def export_steps_apart(self, step: Path, sheet: Path, sides_mm: float, meanwhile: Callable[[], None]) -> PlateFiles:
+        """Write what `export_step` and `export_surface_step` write in the process that reads CAD files, and read it back there.
+
+        Parameters
+        ----------
+        step, sheet : Path
+            Of the files.
+        sides_mm : float
+            Deflection of the triangles that the plate's sides are read as.
+        meanwhile : callable
+            Called here while that process works.
+
+        Returns
+        -------
+        PlateFiles
+
+        Raises
+        ------
+        WriteError, SolidError
+            As those do.
+        FileError
+            Where a file cannot be read again.
+        """
+        made = self.as_made
+        area, volume, *read = write_and_read_apart(step, sheet, *made._face_arrays, made.outline, self.spec.glass.thickness_mm,
+                                                   made.sheet_box(), made._text, sides_mm, meanwhile)
+        return PlateFiles(area, volume, *(ReadStep.of(each) for each in read))
+
+    @property
+    def _face_arrays(self) -> tuple[BSplineArrays, BSplineArrays]:
+        """Of the optical face and the other one."""
         optical, other = ((each.degree_u, each.degree_v, each.knots_u, each.knots_v, each.poles, each.weights)
-                          for each in (made.surface, made._other_face[0]))
-        write_apart(Path(path), optical, other, made.outline, self.spec.glass.thickness_mm, made._text)
+                          for each in (self.surface, self._other_face[0]))
+        return optical, other
 
     @property
     def _text(self) -> PlateText:
@@ -235,15 +291,10 @@ class Mirror:
         WriteError, SolidError
             Where the file cannot be written, or the plate cannot be.
         """
-        from mirror_cad.occt.plate_step import transition_part
-        from mirror_cad.occt.solid import outer_wire, sheet
-        from mirror_cad.occt.step import OPTICAL_COLOUR, OPTICAL_FACE, TRIM_CURVE, Part, write_step
+        from mirror_cad.occt.plate_step import write_sheet
 
-        made, name = self.as_made, f"{self.spec.name}-surface"
-        shell, face = sheet(made.surface, made.sheet_box())
-        parts = [Part(shell, name, OPTICAL_COLOUR, {OPTICAL_FACE: face}),
-                 Part(outer_wire(made.plate.optical), TRIM_CURVE), *transition_part(made.surface, made.transition)]
-        write_step(Path(path), parts, name, self.spec.part.hand, self.spec.part.transition_mm)
+        made = self.as_made
+        write_sheet(Path(path), made.plate, made.surface, made.sheet_box(), made._text)
 
     def export_stl(self, path: str | Path, deflection_mm: float | None = None) -> None:
         """Write the plate as binary STL, no facet farther than the deflection from its face.
@@ -263,19 +314,37 @@ class Mirror:
         SolidError
             Where the plate cannot be.
         """
-        from mirror_cad.occt.plate_mesh import plate_mesh
-        from mirror_cad.occt.tessellate import write_mesh
+        _ = self.as_made.plate  # which must be a solid
+        self.export_stl_apart(path, deflection_mm)
+
+    def export_stl_apart(self, path: str | Path, deflection_mm: float | None = None) -> None:
+        """Write what `export_stl` writes, without the kernel, which says whether the plate is a solid.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of the file.
+        deflection_mm : float, optional
+            As for `export_stl`.
+
+        Raises
+        ------
+        WriteError, SolidError
+            As `export_stl`, but that the plate is no solid goes unseen.
+        """
+        from mirror_cad.plate_mesh import plate_mesh
+        from mirror_cad.stl_file import write_mesh
 
         made = self.as_made
         wanted = self.spec.export.stl_deflection_mm if deflection_mm is None else deflection_mm
         if not 0.0 < wanted < np.inf:
             raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: it must be finite and above 0")
-        rounding = STL_ROUNDING * float(np.abs(made.plate.offset.poles).max())
+        rounding = STL_ROUNDING * float(np.abs(made._other_face[0].poles).max())
         if wanted < 2.0 * rounding:
             raise WriteError(f"{path}: a deflection of {wanted:g} mm cannot be held: STL rounds the corners of this plate to "
                              f"{rounding:.1g} mm; ask for {2.0 * rounding:.1g} mm or more")
         try:
-            mesh = plate_mesh(made.plate.front, made.plate.back, made.outline, wanted - rounding)
+            mesh = plate_mesh(made.front, made.back, made.outline, wanted - rounding)
         except WriteError as error:
             raise WriteError(f"{path}: {error}") from None
         write_mesh(Path(path), mesh, self.spec.part.hand)
@@ -326,7 +395,7 @@ class Mirror:
         """
         if read_back is None or stl is None:
             from mirror_cad.occt.step import read_step
-            from mirror_cad.occt.tessellate import read_stl
+            from mirror_cad.stl_file import read_stl
 
             with tempfile.TemporaryDirectory(prefix="mirror-cad-") as folder:
                 self.export_step(Path(folder) / "mirror.step")

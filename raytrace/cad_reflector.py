@@ -49,6 +49,21 @@ def reflector_from_cad(file: CadFile, face: str | int | Colour | None, index: fl
     return _reflector(file, optical or list(file.faces), fronts, bool(optical), index, normals, progress)
 
 
+def plate_reflector(optical: FaceShape, fronts: Sequence[FaceShape], sides: Sequence[SurfaceMesh], index: float) -> Reflector:
+    """The reflector of a plate of ours that has been read already, as `load_reflector` makes it, where its file has it.
+
+    Parameters
+    ----------
+    optical, fronts
+        What reflects, on its outer side, and the faces of glass before it.
+    sides
+        All its other faces.
+    index
+        Refractive, of the glass.
+    """
+    return assembled([_face(optical, True)], [_face(each, True) for each in fronts], list(sides), index)
+
+
 def chosen(file: CadFile, face: str | int | Colour) -> list[CadFace]:
     """The faces of a name, a number or a colour. A name is a face's own, or else its part's, or else its layer's.
 

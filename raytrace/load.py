@@ -7,17 +7,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from raytrace.assembly import FRONT_FACE, OPTICAL_FACE, assembled
+from mirror_cad.stl_file import read_stl
 from raytrace.errors import TraceError
 from raytrace.file_kinds import CAD_KINDS, conversion
-from raytrace.reflector import OBSTACLE_DEFLECTION_MM, Reflector
-from raytrace.surfaces.bspline import BSplineFace
-from raytrace.surfaces.faces import Face
+from raytrace.reflector import Reflector
 from raytrace.surfaces.mesh import Normals
-from raytrace.surfaces.quadric import QuadricFace
 
 if TYPE_CHECKING:
-    from mirror_cad.occt.step import StepFace, StepFile
     from raytrace.seating import Place
 
 Colour = tuple[int, int, int]
@@ -91,8 +87,6 @@ def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, ind
     if face is not None:
         raise TraceError(f"{path}: a mesh has no faces to choose from; face = {face!r} is for CAD files")
     if kind == ".stl":
-        from mirror_cad.occt.tessellate import read_stl
-
         return Reflector.of_mesh(read_stl(path), normals)
     from raytrace.mesh_files import MESH_KINDS, read_mesh
 
@@ -100,38 +94,3 @@ def _as_filed(path: Path, face: str | int | Colour | None, normals: Normals, ind
         raise TraceError(f"{path}: a reflector is read from {', '.join((*CAD_KINDS, '.stl', *MESH_KINDS))}, not from "
                          f"{kind or 'a file without ending'!r}{conversion(kind)}")
     return Reflector.of_mesh(read_mesh(path), normals)
-
-
-def reflector_of(file: StepFile, index: float = GLASS_INDEX) -> Reflector:
-    """Make the reflector of a STEP file that has been read already, as `load_reflector` does, in the coordinates of the file.
-
-    Parameters
-    ----------
-    file : with its faces.
-    index : refractive, of the glass before a face that reflects from its back.
-
-    Returns
-    -------
-    Reflector
-    """
-    from mirror_cad.occt.tessellate import face_mesh, triangulate
-
-    named = any(face.name == OPTICAL_FACE for face in file.faces)
-    fronts = [face for face in file.faces if face.name == FRONT_FACE] if named else []
-    surfaces, obstacles = [], []
-    for face in file.faces:
-        if not named or face.name == OPTICAL_FACE:
-            surfaces.append(_face(face, one_sided=named))
-        elif face not in fronts:
-            triangulate(face.raw, OBSTACLE_DEFLECTION_MM, straight=True)
-            obstacles.append(face_mesh(face.raw))
-    return assembled(surfaces, [_face(each, one_sided=True) for each in fronts], obstacles, index)
-
-
-def _face(face: StepFace, one_sided: bool) -> Face:
-    from mirror_cad.occt.convert import face_loops, is_reversed
-
-    quadric = face.quadric
-    if quadric is not None:
-        return QuadricFace(quadric, face_loops(face.raw), -1.0 if is_reversed(face.raw) else 1.0, one_sided)
-    return BSplineFace(face.surface, face_loops(face.face), -1.0 if is_reversed(face.face) else 1.0, one_sided)

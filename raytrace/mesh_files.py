@@ -51,7 +51,7 @@ def read_mesh(path: Path) -> SurfaceMesh:
     OBJ, PLY and OFF have no unit: their numbers are mm. glTF's are metres by its standard, with y up, but for files that
     trimesh wrote, whose numbers are in the unit of their extras; 3MF names its unit.
     Equal places become one vertex, so that normals can be interpolated across; polygons are cut into triangles that cover
-    what they cover. STL files are read by `mirror_cad.occt.tessellate.read_stl`.
+    what they cover. STL files are read by `mirror_cad.stl_file.read_stl`.
 
     Raises
     ------

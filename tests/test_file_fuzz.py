@@ -20,7 +20,7 @@ from PIL import Image, ImageCms
 
 from mirror_cad.errors import FileError, MirrorError
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.occt.tessellate import read_stl
+from mirror_cad.stl_file import read_stl
 from raytrace import load_reflector
 from raytrace.errors import SceneError
 from raytrace.pictures import decoded

@@ -31,7 +31,9 @@ from mirror_studio.report.report_data import find, write_findings
 from mirror_studio.report.step_change import step_change
 from mirror_studio.report.uncertainty import uncertainty
 from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.assembly import OPTICAL_FACE
 from raytrace.measures.lane import lane_straightness_percent
+from raytrace.reflector import OBSTACLE_DEFLECTION_MM
 from raytrace.viewing.camera import Frame
 from tests.conftest import constant, designed, face_of, spec_of
 
@@ -218,12 +220,10 @@ def test_histogram_counts_all_of_the_area(progressive: tuple[Mirror, Deviation])
 
 def test_step_table_compares_what_was_written_with_what_was_read(progressive: tuple[Mirror, Deviation],
                                                                  tmp_path: Path) -> None:
-    from mirror_cad.occt.step import read_step
-
     mirror, deviation = progressive
-    mirror.export_step(tmp_path / "mirror.step")
-    file = read_step(tmp_path / "mirror.step")
-    found = step_change(mirror, deviation, file.optical_surface(), file)
+    plate = mirror.export_steps_apart(tmp_path / "mirror.step", tmp_path / "sheet.step", OBSTACLE_DEFLECTION_MM, lambda: None)
+    face = plate.step.named(OPTICAL_FACE)
+    found = step_change(mirror, deviation, face.surface, (plate.area_mm2, face.area_mm2))
     rows = {row.name: row for row in found.rows}
     assert (rows["degree along x"].before, rows["poles along y"].after) == (mirror.surface.degree_u,
                                                                             mirror.surface.poles.shape[1])

@@ -21,7 +21,7 @@ from mirror_cad.mirror import Mirror
 from mirror_cad.occt.shapes import solids_of
 from mirror_cad.occt.solid import is_valid, plate
 from mirror_cad.occt.step import read_step
-from mirror_cad.occt.tessellate import read_stl
+from mirror_cad.stl_file import read_stl
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.collocation import collocate
 from mirror_cad.surfaces.differential import normals

@@ -11,13 +11,13 @@ import pytest
 import mirror_cad
 import raytrace
 from mirror_cad.occt.step import GLASS_COLOUR, Part, read_step, write_step
-from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.outline import Outline, closed_outline
 from mirror_cad.outline.files import read_outline
 from mirror_cad.outline.segments import Arc, Line, Spline
 from mirror_cad.own_files import hand_of
 from mirror_cad.reflection import reflected_mesh, reflected_surface
 from mirror_cad.spec.file import load_spec
+from mirror_cad.stl_file import read_stl
 from mirror_studio.as_json import placement_as_json
 from mirror_studio.build.pipeline import build, trace_file
 from mirror_studio.drive.mirrors import driven_mirror

@@ -68,8 +68,7 @@ def test_tracer_knows_no_design_intent() -> None:
              "mirror_cad.surfaces.basis", "mirror_cad.surfaces.bspline", "mirror_cad.surfaces.quadric",
              "mirror_cad.mesh", "mirror_cad.errors", "mirror_cad.eyes",
              "mirror_cad.surfaces.differential", "mirror_cad.surfaces.fit", "mirror_cad.vectors"}
-    readers = {"mirror_cad.occt.step", "mirror_cad.occt.convert", "mirror_cad.occt.tessellate",
-               "mirror_cad.own_files"}
+    readers = {"mirror_cad.stl_file", "mirror_cad.own_files"}
     for path in files("raytrace"):
         used = {name for name in imports_of(path) if name.split(".")[0] in ("mirror_cad", "mirror_studio")}
         allowed = plain | readers if path.name == "load.py" else plain

@@ -13,7 +13,7 @@ import pytest
 
 from mirror_cad.errors import FileError, MirrorError
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.occt.tessellate import read_stl
+from mirror_cad.stl_file import read_stl
 from raytrace import mesh_files
 from raytrace.embree import TriangleScene
 from raytrace.errors import TraceError

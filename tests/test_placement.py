@@ -24,8 +24,8 @@ from mirror_cad import load_spec
 from mirror_cad.errors import MirrorError
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.occt.step import _silence
-from mirror_cad.occt.tessellate import write_mesh
 from mirror_cad.own_files import written_by_us
+from mirror_cad.stl_file import write_mesh
 from mirror_studio.as_json import placement_as_json, trace_metrics_as_json
 from mirror_studio.build.pipeline import trace_file
 from mirror_studio.cli import run

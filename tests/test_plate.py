@@ -24,15 +24,15 @@ from mirror_cad.grid import Grid
 from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mesh_deviation import stl_deviation
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.plate_mesh import MAX_FACETS, plate_mesh
 from mirror_cad.occt.shapes import faces_of, solids_of
 from mirror_cad.occt.solid import EDGE_TOLERANCE_MM, Plate, is_valid, plate
 from mirror_cad.occt.step import read_step
-from mirror_cad.occt.tessellate import read_stl
-from mirror_cad.occt.triangulation import doubled_area, triangles_within
 from mirror_cad.outline import Arc, Line, Outline, closed_outline
+from mirror_cad.plate_mesh import MAX_FACETS, plate_mesh
+from mirror_cad.stl_file import read_stl
 from mirror_cad.surfaces.differential import normals, principal_curvatures_of, shape_operator
 from mirror_cad.surfaces.offset import offset_surface
+from mirror_cad.triangulation import doubled_area, triangles_within
 from tests.conftest import constant, designed, spec_of
 
 Array = NDArray[np.float64]

@@ -12,10 +12,13 @@ import pytest
 from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from mirror_cad.design_stages import design
+from mirror_cad.occt.plate_step import told
 from mirror_cad.occt.step import read_step
+from mirror_cad.plate_files import ReadStep
 from mirror_cad.spec.file import load_spec
 from mirror_studio.build import checks
 from mirror_studio.web.protocol import unpack
+from raytrace.reflector import OBSTACLE_DEFLECTION_MM
 from tests.studio_page import CHROMIUM, SOON, becomes, chromium, figure, key, opened, revision, revision_after, settled
 from tests.studio_server import Studio, running, start
 
@@ -429,7 +432,9 @@ def test_downloaded_step_passes_the_checks_of_build(page: Page, tmp_path: Path) 
     download.value.save_as(tmp_path / "taken.toml")
     spec = load_spec(tmp_path / "taken.toml")
     assert tomllib.loads((tmp_path / "taken.toml").read_text())["vertical"]["left_mm"] == 1300
-    checks.check_step(tmp_path / "taken.step", design(spec))
+    mirror = design(spec)
+    checks.check_step(tmp_path / "taken.step", ReadStep.of(told(str(tmp_path / "taken.step"), OBSTACLE_DEFLECTION_MM)), mirror,
+                      mirror.plate.volume_mm3)
     assert read_step(tmp_path / "taken.step").optical_surface().degree_u == 5
     with page.expect_download(timeout=SOON) as download:  # the set is there already
         page.click('[data-take="report"]')

@@ -58,6 +58,10 @@ class BSplineRecord(Protocol):
     def weights(self) -> Array | None:
         """(n_u, n_v); None where they are one."""
 
+    @property
+    def domain(self) -> tuple[float, float, float, float]:
+        """(u_min, u_max, v_min, v_max)."""
+
 
 def to_geom_surface(surface: BSplineRecord) -> Geom_BSplineSurface:
     """The same surface as a kernel object: same degree, knots, poles and weights."""

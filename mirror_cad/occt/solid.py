@@ -140,7 +140,7 @@ def plate_shapes(surface: BSplineRecord, offset: BSplineRecord, outline: Outline
     return PlateShapes(solid, optical, front_face)
 
 
-def sheet(surface: BSplineSurface, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:
+def sheet(surface: BSplineRecord, box: tuple[float, float, float, float]) -> tuple[TopoDS_Shell, TopoDS_Face]:
     """The untrimmed surface between (u_min, u_max, v_min, v_max), on one B-spline cut exactly there.
 
     Returns: an open shell and the face in it: a face alone could not carry a name into a STEP file.

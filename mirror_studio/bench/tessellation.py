@@ -11,8 +11,8 @@ from mirror_cad.design_stages import design
 from mirror_cad.mesh_deviation import stl_deviation
 from mirror_cad.mirror import Mirror
 from mirror_cad.occt import peers
-from mirror_cad.occt.tessellate import read_stl
 from mirror_cad.spec.file import load_spec
+from mirror_cad.stl_file import read_stl
 from mirror_studio.bench.measuring import convergence, median_seconds
 from mirror_studio.bench.table import Column, Plot, Row, Table
 from mirror_studio.report.text import fixed

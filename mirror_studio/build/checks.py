@@ -10,13 +10,12 @@ from scipy.interpolate import NdBSpline
 
 from mirror_cad.errors import FileError, WriteError
 from mirror_cad.mirror import Mirror
-from mirror_cad.occt.shapes import free_curves_of, solids_of
-from mirror_cad.occt.solid import is_valid, volume
-from mirror_cad.occt.step import FRONT_FACE, OPTICAL_FACE, StepFile, read_step
 from mirror_cad.outline.files import read_outline
 from mirror_cad.part21 import read_named_surface
+from mirror_cad.plate_files import ReadStep
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.build.results import StepCheck
+from raytrace.assembly import FRONT_FACE, OPTICAL_FACE
 
 Array = NDArray[np.float64]
 
@@ -24,26 +23,23 @@ Array = NDArray[np.float64]
 SAME_MM = 1e-9
 # The volume of the plate, by the kernel's own integration before and after: relative.
 SAME_VOLUME = 1e-9
-CURVE_POINTS = 33  # of a transition line, that are compared
 
 
-def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, StepCheck]:
-    """The file as read back, and how far its named faces and the Part 21 text are from what was designed, mm.
+def check_step(path: Path, read: ReadStep, mirror: Mirror, volume_mm3: float) -> StepCheck:
+    """How far the named faces of the file as read back, and its Part 21 text, are from what was designed, mm.
 
-    Named are the optical face and, of glass that reflects from its back, the front face.
+    volume_mm3 : of the plate that was written. Named are the optical face and, of glass that reflects from its back, the
+    front face.
     Raises: WriteError where the file holds no valid single solid, another volume, or another named face.
     """
-    read = read_step(path)
-    shape = read.shape
-    solids = solids_of(shape)
-    if len(solids) != 1 or not is_valid(shape):
-        raise WriteError(f"{path.name}: reads back as {len(solids)} solids, {'valid' if is_valid(shape) else 'invalid'}")
-    change = abs(volume(solids[0]) / mirror.plate.volume_mm3 - 1.0)
+    if read.volume_mm3 is None or not read.valid:
+        raise WriteError(f"{path.name}: reads back as {read.solids} solids, {'valid' if read.valid else 'invalid'}")
+    change = abs(read.volume_mm3 / volume_mm3 - 1.0)
     if change > SAME_VOLUME:
         raise WriteError(f"{path.name}: the volume reads back {change:.2g} off (relative)")
     designed = {OPTICAL_FACE: mirror.surface}
     if mirror.spec.glass.reflecting == "back":
-        designed[FRONT_FACE] = mirror.plate.front
+        designed[FRONT_FACE] = mirror.front
     u, v = _check_points(mirror)
     off = off_text = 0.0
     for name, surface in designed.items():
@@ -57,24 +53,25 @@ def check_step(path: Path, mirror: Mirror) -> tuple[StepFile, StepCheck]:
             if not distance <= SAME_MM:
                 raise WriteError(f"{path.name}: {what} is {distance:.2g} mm from the design (at most {SAME_MM:g})")
     check_transition(path, read, mirror)
-    return read, StepCheck(off, off_text, change)
+    return StepCheck(off, off_text, change)
 
 
-def check_transition(path: Path, read: StepFile, mirror: Mirror) -> None:
+def check_transition(path: Path, read: ReadStep, mirror: Mirror) -> None:
     """Raises: WriteError where the file's transition line is not the design's, on the surface from edge to edge."""
     line = mirror.transition
     if line is None:
         return
-    meant = mirror.surface.evaluate(line.x_mm, np.linspace(line.low_mm, line.high_mm, CURVE_POINTS))
-    curves = [curve for curve in free_curves_of(read.shape, CURVE_POINTS) if np.ptp(curve[:, 0]) <= SAME_MM]
-    off = min((float(np.abs(curve - meant).max()) for curve in curves), default=np.inf)
+    off = np.inf
+    for curve in read.curves:
+        if np.ptp(curve[:, 0]) <= SAME_MM:
+            meant = mirror.surface.evaluate(line.x_mm, np.linspace(line.low_mm, line.high_mm, len(curve)))
+            off = min(off, float(np.abs(curve - meant).max()))
     if not off <= SAME_MM:
         raise WriteError(f"{path.name}: the transition line reads back {off:.2g} mm off (at most {SAME_MM:g})")
 
 
-def check_surface_step(path: Path, mirror: Mirror) -> float:
-    """How far the untrimmed sheet is from the design over its whole box, mm. Raises: WriteError where it differs."""
-    read = read_step(path)
+def check_surface_step(path: Path, read: ReadStep, mirror: Mirror) -> float:
+    """How far the untrimmed sheet as read back is from the design over its box, mm. Raises: WriteError where it differs."""
     check_transition(path, read, mirror)
     surface = _named_surface(path, read, OPTICAL_FACE)
     box = mirror.sheet_box()
@@ -106,9 +103,9 @@ def check_points(path: Path, points: Array) -> int:
     return len(read)
 
 
-def _named_surface(path: Path, read: StepFile, name: str) -> BSplineSurface:
+def _named_surface(path: Path, read: ReadStep, name: str) -> BSplineSurface:
     try:
-        return read.named_surface(name)
+        return read.named(name).surface
     except FileError as error:
         raise WriteError(f"{path.name}: reads back different from what was written: {error}") from None
 

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,14 @@ from mirror_cad.mesh import SurfaceMesh
 from mirror_cad.mirror import Mirror
 from mirror_cad.outline.files import write_dxf
 from mirror_cad.own_files import hand_of
+from mirror_cad.plate_files import PlateFiles
 from mirror_cad.reflection import reflected_mesh, reflected_points, reflected_surface
 from mirror_cad.spec import MirrorSpec
 from mirror_cad.spec.file import spec_as_json
+from mirror_cad.stl_file import read_stl
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_studio.as_json import deviation_as_json, manifest_as_json, metrics_as_json, trace_metrics_as_json
+from mirror_studio.build import checks
 from mirror_studio.build.folder import MANIFEST, new_set
 from mirror_studio.build.methods import compare_methods
 from mirror_studio.build.results import (
@@ -47,9 +50,11 @@ from mirror_studio.json_types import Json, JsonObject
 from mirror_studio.progress import Progress
 from mirror_studio.rules.of_spec import rule_of_spec, surface_lines
 from mirror_studio.viewing_setup import ViewingSetup
+from raytrace.assembly import FRONT_FACE, OPTICAL_FACE
+from raytrace.cad_reflector import plate_reflector
 from raytrace.errors import TraceError
 from raytrace.image import photograph
-from raytrace.load import Colour, load_reflector, reflector_of
+from raytrace.load import Colour, load_reflector
 from raytrace.measures.difference import reflected_difference
 from raytrace.measures.edge_rays import h_fov_between_edges
 from raytrace.measures.field_of_view import traced_fields_of_view
@@ -59,16 +64,13 @@ from raytrace.measures.lane_image import lane_straightness_in_picture
 from raytrace.measures.registry import measures_of
 from raytrace.placement import Placement
 from raytrace.rays import Status
-from raytrace.reflector import Reflector
+from raytrace.reflector import OBSTACLE_DEFLECTION_MM, Reflector
 from raytrace.scene.reference import Picture, load_picture
 from raytrace.seating import Place
 from raytrace.surfaces.base import GlassPlate
 from raytrace.surfaces.mesh import Normals
 from raytrace.viewing.camera import Frame
 from raytrace.viewing.view import box_of
-
-if TYPE_CHECKING:
-    from mirror_cad.occt.step import StepFile
 
 Array = NDArray[np.float64]
 
@@ -89,33 +91,32 @@ def build_into(folder: Path, spec: MirrorSpec, progress: Progress, pdf: bool = F
     name = spec.name
     picture = load_picture(spec.scene.image)
     rule_of_spec(spec)  # which refuses one that there is not
-    # What brings the kernel: a trace, whose file a child process reads, does without.
-    from mirror_cad.occt.tessellate import read_stl
-
     progress.step(f"{name}: designing")
     mirror = design(spec)
     for note in mirror.notes:
         progress.step(f"{name}: note: {note}")
     progress.step(f"{name}: writing and reading back STEP, STL, points and outline")
-    step_file, files = _write_and_check(folder, mirror)
-    stl = folder / f"{name}.stl"
-    read_back, facets_back = step_file.optical_surface(), read_stl(stl)
+    plate, files = _write_and_check(folder, mirror)
+    stl, optical = folder / f"{name}.stl", plate.step.named(OPTICAL_FACE)
+    read_back, facets_back = optical.surface, read_stl(stl)
     if mirror.as_made.reflected:  # and back, into the frame of the design
         read_back, facets_back = reflected_surface(read_back), reflected_mesh(facets_back)
     progress.step(f"{name}: curvature deviation")
     deviation = mirror.deviation(read_back, facets_back)
     wait_for_compiled(progress)
     progress.step(f"{name}: tracing the driver's view")
-    reflector = reflector_of(step_file, spec.glass.index).moved(Placement.identity("file", spec.part.hand))
+    fronts = [face.shape for face in plate.step.faces if face.name == FRONT_FACE]
+    reflector = plate_reflector(optical.shape, fronts, plate.step.sides, spec.glass.index).moved(
+        Placement.identity("file", spec.part.hand))
     view = _drivers_view(mirror, reflector, picture, progress)
     with ThreadPoolExecutor(1) as writer:  # PNG is made while figures are: zlib needs no interpreter
         written = writer.submit(write_png, folder / "driver-view.png", view.picture)
         if spec.has_laws:
             progress.step(f"{name}: decoupled and faithful surface side by side")
-        metrics = _measured(mirror, deviation, reflector, view, files, stl)
+        metrics = _measured(mirror, deviation, reflector, view, plate, files, stl)
         written.result()
     progress.step(f"{name}: report")
-    _report(folder, mirror, deviation, metrics, step_file, read_back, reflector, view.picture, pdf)
+    _report(folder, mirror, deviation, metrics, (plate.area_mm2, optical.area_mm2), read_back, reflector, view.picture, pdf)
     from mirror_studio.missed import missed_in_words
     from mirror_studio.report.verdict_table import requirements
 
@@ -133,22 +134,31 @@ class _DriversView(NamedTuple):
     rays: Mapping[str, int]
 
 
-def _write_and_check(folder: Path, mirror: Mirror) -> tuple[StepFile, FileChecks]:
-    """Write the files of the part; returns the STEP file as read back, and how far each is from the design."""
-    from mirror_studio.build import checks
+def _write_and_check(folder: Path, mirror: Mirror) -> tuple[PlateFiles, FileChecks]:
+    """Write the files of the part; returns the STEP files as read back, and how far each file is from the design.
 
+    The process with the CAD kernel writes and reads STEP while this one writes the rest.
+    """
     name, made, points = mirror.spec.name, mirror.as_made, mirror.grid_points()
     written = reflected_points(points) if made.reflected else points
     step, sheet, table, outline = (folder / each for each in (
         f"{name}.step", f"{name}-surface.step", f"{name}-points.csv", "outline.dxf"))
-    mirror.export_step(step)
-    mirror.export_surface_step(sheet)
-    mirror.export_stl(folder / f"{name}.stl")
-    write_points(table, written)
-    write_dxf(made.outline, outline, made.transition)
-    step_file, step_check = checks.check_step(step, made)
-    return step_file, FileChecks(step_check, checks.check_surface_step(sheet, made), checks.check_outline(outline, made),
-                                 checks.check_points(table, written))
+    failed: list[Exception] = []
+
+    def write_the_rest() -> None:
+        try:
+            mirror.export_stl_apart(folder / f"{name}.stl")
+            write_points(table, written)
+            write_dxf(made.outline, outline, made.transition)
+        except Exception as error:  # told after what the kernel has to say of the plate
+            failed.append(error)
+
+    plate = mirror.export_steps_apart(step, sheet, OBSTACLE_DEFLECTION_MM, write_the_rest)
+    if failed:
+        raise failed[0]
+    return plate, FileChecks(
+        checks.check_step(step, plate.step, made, plate.volume_mm3), checks.check_surface_step(sheet, plate.sheet, made),
+        checks.check_outline(outline, made), checks.check_points(table, written))
 
 
 def _drivers_view(mirror: Mirror, reflector: Reflector, picture: Picture, progress: Progress) -> _DriversView:
@@ -157,8 +167,8 @@ def _drivers_view(mirror: Mirror, reflector: Reflector, picture: Picture, progre
     return _DriversView(seen, frame, rays)
 
 
-def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: _DriversView, files: FileChecks,
-              stl: Path) -> Metrics:
+def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: _DriversView, written: PlateFiles,
+              files: FileChecks, stl: Path) -> Metrics:
     from mirror_studio.report.verdict_table import view_requirements
 
     setup = ViewingSetup.of(mirror.spec, mirror.box)
@@ -167,7 +177,7 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
     mesh = _facets(stl, mirror)
     facets, smooth = (reflected_difference(each, reflector.uncoated, setup.eye, setup.plane_z_mm, mirror.box)
                       for each in (mesh, mesh.interpolated))
-    plate, eye = mirror.as_made.plate, setup.eye
+    eye = setup.eye
     metrics = Metrics(
         h_fov_deg=FieldOfView(figures["h_fov_section_deg"], figures["h_fov_traced_deg"]),
         v_fov_left_deg=FieldOfView(figures["v_fov_left_section_deg"], figures["v_fov_left_traced_deg"]),
@@ -179,7 +189,7 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
         measures=figures, explained=deviation.explained, ray_deviation=deviation.rays,
         methods=compare_methods(mirror) if mirror.spec.has_laws else None,
         rays=view.rays, eye_mm=(float(eye[0]), float(eye[1]), float(eye[2])),
-        plate=PlateFigures(plate.area_mm2, plate.volume_mm3, plate.back_error_mm), files=files,
+        plate=PlateFigures(written.area_mm2, written.volume_mm3, mirror.as_made.back_error_mm), files=files,
         glass=_glass(mirror, reflector.glass, eye, figures["h_fov_traced_deg"])
         if mirror.spec.glass.reflecting == "back" else None,
         target=target_figures(mirror, reflector.uncoated.surface),
@@ -187,7 +197,7 @@ def _measured(mirror: Mirror, deviation: Deviation, reflector: Reflector, view: 
     return replace(metrics, limits=tuple(view_requirements(mirror, metrics)))
 
 
-def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, step_file: StepFile,
+def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics, areas_mm2: tuple[float, float],
             read_back: BSplineSurface, reflector: Reflector, view: Picture, pdf: bool) -> None:
     """Write the figures as JSON and tables, the report and the manifest, which names every other file."""
     from mirror_studio.report.page import write_report
@@ -197,7 +207,7 @@ def _report(folder: Path, mirror: Mirror, deviation: Deviation, metrics: Metrics
     write_json(folder / "metrics.json", metrics_as_json(metrics))
     write_json(folder / "deviation.json", deviation_as_json(deviation, metrics.target))
     manifest = Manifest(spec_as_json(mirror.spec), versions(), mirror.notes)
-    findings = find(mirror, deviation, read_back, metrics, step_file, reflector.surface)
+    findings = find(mirror, deviation, read_back, metrics, areas_mm2, reflector.surface)
     write_findings(folder, mirror, deviation, findings, manifest)
     manifest = replace(manifest, files=hashes(folder))
     write_report(folder / "report.html", mirror, deviation, metrics, manifest, view, findings)
@@ -281,8 +291,6 @@ def _facets(stl: Path, mirror: Mirror) -> Reflector:
     """The STL as a reflector; where the back reflects, without the front that would hide it, and without the sides."""
     if mirror.spec.glass.reflecting == "front":
         return load_reflector(stl, place="auto")  # in the frame of the design, whichever hand the file has
-    from mirror_cad.occt.tessellate import read_stl
-
     mesh, domain = read_stl(stl), mirror.surface.domain
     if mirror.as_made.reflected:
         mesh = reflected_mesh(mesh)

@@ -24,6 +24,9 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
     spec
         A TOML file, or the name of a preset (progressive-a, sphere-950, …).
     """
+    from mirror_cad.kernel import start_writer
+
+    start_writer()
     from mirror_cad.spec.file import load_spec
     from mirror_studio.progress import Progress
 
@@ -45,6 +48,9 @@ def build(spec: str, /, *, out: Out = None, pdf: Pdf = False, json: Json = False
 @app.command
 def paper(*, out: Out = None, json: Json = False) -> int:
     """Reproduce the paper: six mirrors, figures 5 and 6, table 1 and a page of it all (default: exports/paper)."""
+    from mirror_cad.kernel import start_writer
+
+    start_writer()
     from mirror_studio.compiling import compile_beside
 
     compile_beside()

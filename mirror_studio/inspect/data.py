@@ -126,7 +126,7 @@ def _extent(points: Array) -> str:
 
 def _of_mesh(path: Path) -> Array:
     if path.suffix.lower() == ".stl":
-        from mirror_cad.occt.tessellate import read_stl
+        from mirror_cad.stl_file import read_stl
 
         return read_stl(path).vertices
     return read_mesh(path).vertices

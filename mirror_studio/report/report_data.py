@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mirror_cad.curvature_fields import differences, in_percent
 from mirror_cad.deviation import Deviation
@@ -33,9 +32,6 @@ from mirror_studio.viewing_setup import ViewingSetup
 from raytrace.reflector import TRIM_CHORD_MM
 from raytrace.surfaces.base import OpticalSurface
 from raytrace.surfaces.bspline import BSplineFace
-
-if TYPE_CHECKING:
-    from mirror_cad.occt.step import StepFile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,10 +74,10 @@ class ReportData:
 
 
 def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metrics: Metrics,
-         file: StepFile | None = None, seen: OpticalSurface | None = None) -> ReportData:
+         areas_mm2: tuple[float, float] | None = None, seen: OpticalSurface | None = None) -> ReportData:
     """Of a mirror whose optical face reads back as `read_back`, in the frame of the design.
 
-    file : the STEP file as read, None without the kernel.
+    areas_mm2 : of the optical face as written and as read back, by the kernel; None without it.
     seen : what the eye looks at; without it, the face itself.
     """
     setup = ViewingSetup.of(mirror.spec, mirror.box)
@@ -94,7 +90,7 @@ def find(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, metric
     return ReportData(
         fields, histogram(deviation, fields), _measures(metrics), uncertainty(mirror, deviation, read_back, fields),
         requirements(mirror, deviation, metrics), probe(in_file, made.outline), cuts(mirror, read_back, rms, fields.unit),
-        step_change(mirror, deviation, read_back, file), lane_image(seen, setup.eye, setup.lane, mirror.box, straightness),
+        step_change(mirror, deviation, read_back, areas_mm2), lane_image(seen, setup.eye, setup.lane, mirror.box, straightness),
         _maps(mirror, read_back, rms), seen)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +12,6 @@ from mirror_cad.stage_deviation import SurfaceState
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import principal_curvatures_of
 from mirror_studio.report.tables import Table
-
-if TYPE_CHECKING:
-    from mirror_cad.occt.step import StepFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +44,9 @@ class StepChange:
                               "difference": [row.after - row.before for row in rows]})
 
 
-def step_change(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface, file: StepFile | None) -> StepChange:
-    """Form and size of the optical face. file : the STEP file as read; None without the kernel."""
+def step_change(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface,
+                areas_mm2: tuple[float, float] | None) -> StepChange:
+    """Form and size of the optical face. areas_mm2 : its area before and after by the kernel; None without it."""
     made, states = mirror.surface, deviation.states
     rows = [Change("degree along x", float(made.degree_u), float(read_back.degree_u), "", 0),
             Change("degree along y", float(made.degree_v), float(read_back.degree_v), "", 0)]
@@ -58,12 +55,8 @@ def step_change(mirror: Mirror, deviation: Deviation, read_back: BSplineSurface,
     for name, value in (("lowest point", _lowest), ("k1, largest", _largest_k1), ("k2, smallest", _smallest_k2)):
         unit, decimals = ("mm", 9) if value is _lowest else ("1/m", 9)
         rows.append(Change(name, value(states.fit), value(states.step), unit, decimals))
-    if file is not None:
-        from mirror_cad.occt.solid import area
-        from mirror_cad.occt.step import OPTICAL_FACE
-
-        optical = next(face.raw for face in file.faces if face.name == OPTICAL_FACE)
-        rows.append(Change("area of the optical face", mirror.plate.area_mm2, area(optical), "mm²", 6))
+    if areas_mm2 is not None:
+        rows.append(Change("area of the optical face", *areas_mm2, "mm²", 6))
     pairs = ((made.knots_u, read_back.knots_u), (made.knots_v, read_back.knots_v))
     return StepChange(
         tuple(rows), float(np.abs(made.poles - read_back.poles).max()) if made.poles.shape == read_back.poles.shape else None,

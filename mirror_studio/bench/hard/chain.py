@@ -45,11 +45,14 @@ def mirror_of(raw: Spec, folder: Path) -> Mirror:
 
 def make(folder: Path, raw: Spec) -> Made:
     """Specification → design → plate → files → read back → deviation. Raises: MirrorError."""
+    from mirror_cad.occt.plate_step import told
     from mirror_cad.occt.step import OPTICAL_FACE
-    from mirror_cad.occt.tessellate import read_stl
     from mirror_cad.outline.files import write_dxf
     from mirror_cad.part21 import read_named_surface
+    from mirror_cad.plate_files import ReadStep
+    from mirror_cad.stl_file import read_stl
     from mirror_studio.build import checks
+    from raytrace.reflector import OBSTACLE_DEFLECTION_MM
 
     mirror = mirror_of(raw, folder)
     step, sheet, stl, outline = (folder / name for name in ("case.step", "case-surface.step", "case.stl", "case.dxf"))
@@ -57,10 +60,11 @@ def make(folder: Path, raw: Spec) -> Made:
     mirror.export_surface_step(sheet)
     mirror.export_stl(stl)
     write_dxf(mirror.outline, outline)
-    read_back, _ = checks.check_step(step, mirror)
-    checks.check_surface_step(sheet, mirror)
+    read, of_sheet = (ReadStep.of(told(str(each), OBSTACLE_DEFLECTION_MM)) for each in (step, sheet))
+    checks.check_step(step, read, mirror, mirror.plate.volume_mm3)
+    checks.check_surface_step(sheet, of_sheet, mirror)
     checks.check_outline(outline, mirror)
-    deviation = mirror.deviation(read_back.optical_surface(), read_stl(stl))
+    deviation = mirror.deviation(read.named(OPTICAL_FACE).surface, read_stl(stl))
     text = read_named_surface(step, OPTICAL_FACE)
     spline = NdBSpline((text.knots_u, text.knots_v), text.poles, (text.degree_u, text.degree_v))
     return Made(mirror, deviation, step, stl, spline)

@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from mirror_cad.errors import WriteError
 from mirror_cad.mesh import SurfaceMesh
-from mirror_cad.occt.triangulation import doubled_area, sides_of, triangles_within
 from mirror_cad.outline import Arc, Outline, Segment, Spline
 from mirror_cad.surfaces.bspline import BSplineSurface
 from mirror_cad.surfaces.differential import normals
+from mirror_cad.triangulation import doubled_area, sides_of, triangles_within
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
