@@ -215,10 +215,14 @@ def _close_if_there(guarded: weakref.ref[GuardedProcess]) -> None:
         process.close()
 
 
-def _started(memory: int | None, modules: tuple[str, ...]) -> _Child:
-    # What multiprocessing would start: a program with Python inside it may have named its interpreter there.
+def interpreter() -> str:
+    """What starts Python: as for multiprocessing, where a program with Python inside it may have named it."""
     executable = multiprocessing.spawn.get_executable()
-    command = [os.fsdecode(executable) if executable else sys.executable, "-P", "-c", _BOOT]
+    return os.fsdecode(executable) if executable else ""
+
+
+def _started(memory: int | None, modules: tuple[str, ...]) -> _Child:
+    command = [interpreter(), "-P", "-c", _BOOT]
     try:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     except OSError as error:

@@ -61,6 +61,7 @@ def compile_beside() -> None:
 
     if THREADS == 1:
         return
+    from mirror_cad.guarded import interpreter
     from raytrace.first_use import is_first
 
     if not is_first():
@@ -70,7 +71,7 @@ def compile_beside() -> None:
     for part in PARTS:
         try:
             _beside.append(subprocess.Popen(
-                [sys.executable, "-P", "-c", f"from raytrace.first_use import {part}; {part}()"], stdin=subprocess.DEVNULL,
+                [interpreter(), "-P", "-c", f"from raytrace.first_use import {part}; {part}()"], stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": path}))
         except OSError:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing.spawn
 import os
 import subprocess
 import sys
@@ -67,6 +68,15 @@ def test_a_process_beside_that_fails_is_waited_for_and_harms_nobody(monkeypatch:
     compiling.compile_beside()
     assert len(compiling._beside) == 2
     compiling.wait_for_compiled(Progress(quiet=True))
+    assert not compiling._beside
+
+
+def test_where_no_process_can_be_started_nothing_is_compiled_beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As inside a program whose own name stands where Python's does: what it tells multiprocessing is started."""
+    monkeypatch.setattr(multiprocessing.spawn, "_python_exe", str(tmp_path / "none"))
+    monkeypatch.setattr(parallel, "THREADS", 2)
+    monkeypatch.setattr(first_use, "is_first", lambda: True)
+    compiling.compile_beside()
     assert not compiling._beside
 
 

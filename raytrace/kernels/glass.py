@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.kernels.block_heights import forget_cells, heights
 from raytrace.kernels.blocks import (
     BACK_X,
     BACK_Y,
@@ -49,7 +50,7 @@ from raytrace.kernels.blocks import (
     work,
 )
 from raytrace.kernels.compiled import compiled, inner
-from raytrace.kernels.height_field import HeightField, comes_down, forget_cells, heights, shallow_rays
+from raytrace.kernels.height_field import HeightField, comes_down, shallow_rays
 from raytrace.kernels.height_field import met as met_from_above
 from raytrace.kernels.newton import begin_newton, newton_step
 from raytrace.kernels.outcomes import ACCEPTED, BEHIND, BLOCKED, HIT, LOST, MAX_STEPS, NEAREST_MM, OUTSIDE
