@@ -421,7 +421,7 @@ def test_the_road_fits_without_scrolling(size: tuple[int, int], page: Page) -> N
 def test_a_slider_gives_drafts_and_a_rest_the_fine_picture(page: Page) -> None:
     page.keyboard.press("p")
     width, before = figure(page, "width-20"), revision(page)
-    page.get_by_label("Own flank", exact=True).first.focus()
+    page.get_by_label("Host flank", exact=True).first.focus()
     for _ in range(6):
         page.keyboard.press("ArrowRight")
         page.wait_for_timeout(30)

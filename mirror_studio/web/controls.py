@@ -74,7 +74,7 @@ def groups() -> tuple[Group, ...]:
         Group("Aim and eyes on the road", (
             Control("look.hand", "Mirror", "choice", choices=(("left", "left-hand"), ("right", "right-hand")),
                     help="The laws describe the left mirror; the right one is its reflection"),
-            Control("look.flank_share", "Own flank", low=0.0, high=0.5, step=0.01,
+            Control("look.flank_share", "Host flank", low=0.0, high=0.5, step=0.01,
                     help="Share of the mirror's width, from its inboard edge, that the host vehicle's flank takes on the "
                          "horizon's row"),
             Control("look.horizon_share", "Horizon at", low=0.2, high=0.9, step=0.01,
