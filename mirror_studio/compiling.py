@@ -66,10 +66,10 @@ def compile_beside() -> None:
 
     if not is_first():
         return
-    # What we import from, whatever lies in the current folder.
-    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
     for part in PARTS:
         try:
+            # What we import from, whatever lies in the current folder, which may be gone.
+            path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
             _beside.append(subprocess.Popen(
                 [interpreter(), "-P", "-c", f"from raytrace.first_use import {part}; {part}()"], stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": path}))

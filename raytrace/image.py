@@ -10,10 +10,10 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from raytrace.kernels.blocks import at
+from raytrace.kernels.compiled import compiled
 from raytrace.parallel import parallel_for
 from raytrace.rays import Status, Trace
 from raytrace.reflector import Reflector
@@ -127,7 +127,7 @@ def _in_bands(rows: int, columns: int) -> NDArray[np.intp]:
     return order
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba's are
+@compiled(nogil=True)
 def _directions(pixels: NDArray[np.intp], columns: int, base: Array, across: Array, down: Array, inner: Array,
                 directions: Array) -> None:
     """Rays through the samples of pixels, row by row in each."""
@@ -149,7 +149,7 @@ def _directions(pixels: NDArray[np.intp], columns: int, base: Array, across: Arr
                 n += 1
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def _place(shown: NDArray[np.uint8], pixels: NDArray[np.intp], colours: NDArray[np.uint8]) -> None:
     """Bytes of some pixels, flat, to where they belong among those of all."""
     for i in range(len(pixels)):
@@ -164,7 +164,7 @@ def _contrasts(picture: Picture, least: int) -> NDArray[np.bool_]:
     return found
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def _mark_contrasts(picture: Picture, least: int, found: NDArray[np.bool_]) -> None:
     rows, columns = found.shape
     for i in range(rows):

@@ -62,6 +62,10 @@ def test_the_bound_of_a_parabolic_cylinders_curvature_is_that_at_its_vertex() ->
     knots = np.concatenate([np.full(4, -45.0), np.linspace(-45.0, 45.0, 5)[1:-1], np.full(4, 45.0)])
     cylinder = collocate_height(lambda x, y: x**2 / (2.0 * RADIUS) + 0.0 * y, knots, knots, 3)
     assert _bent_at_most(cylinder) == pytest.approx(1.0 / RADIUS, rel=1e-9)
+    ends = np.array([-50.0, 50.0])
+    corners = np.stack([*np.meshgrid(ends, ends, indexing="ij"), np.array([[0.0, 1.0], [2.0, 7.0]])], axis=-1)
+    twisted = BSplineSurface(1, 1, ends.repeat(2), ends.repeat(2), corners)  # z_xy alone, 4 mm over 100 mm squared
+    assert _bent_at_most(twisted) == pytest.approx(np.sqrt(2.0) * 4e-4, rel=1e-12)
 
 
 def test_the_error_is_the_largest_distance_on_the_grid() -> None:

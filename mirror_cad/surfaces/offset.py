@@ -133,7 +133,7 @@ def _bent_at_most(surface: BSplineSurface) -> float:
     z_x, z_y = _slopes(z, surface.knots_u, p), _slopes(z.T, surface.knots_v, q)
     z_xx, z_xy = _slopes(z_x, surface.knots_u[1:-1], p - 1), _slopes(z_x.T, surface.knots_v, q)
     z_yy = _slopes(z_y, surface.knots_v[1:-1], q - 1)
-    largest = [float(np.abs(each).max()) for each in (z_xx, z_xy, z_yy)]
+    largest = [float(np.abs(each).max(initial=0.0)) for each in (z_xx, z_xy, z_yy)]  # none where it is straight
     return float(np.sqrt(largest[0] ** 2 + 2.0 * largest[1] ** 2 + largest[2] ** 2))
 
 
