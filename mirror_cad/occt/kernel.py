@@ -7,8 +7,6 @@ the first was written over the second, or one was taken away and half of the oth
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
-
 from mirror_cad.errors import InstallationError
 
 SERIES = "7.9."  # of OCP: another one changes names and signatures
@@ -55,6 +53,8 @@ def check_kernel_for_cadquery() -> None:
 
 def _remedy() -> str:
     """The commands that leave one whole kernel: of the version that is installed, where it is one that fits."""
+    from importlib.metadata import PackageNotFoundError, version  # loaded only for this
+
     wanted = f"{SERIES}*"
     for name in (FULL, PART):
         try:
