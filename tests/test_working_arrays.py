@@ -174,7 +174,8 @@ def test_rays_that_are_sorted_read_nothing_that_was_left() -> None:
         found.append(Trace.empty(n))
         run_kernel(partial(height_field.hits, face.height_field, face.trimming.strips), rays, found[-1], face.sorting_grid)
         assert_same(found[-1], found[0])
-    assert (room.results.status == found[0].status[np.argsort(room.bins[:n])]).all()  # they were sorted
+    # They were sorted; the room may have been made for more rays before.
+    assert (room.results.status[:n] == found[0].status[np.argsort(room.bins[:n])]).all()
 
 
 @pytest.mark.parametrize("rational", [True, False])
