@@ -62,8 +62,8 @@ def tables(progress: Progress | None) -> tuple[Table, ...]:
                Column("theirs", "the peer's"), Column("ratio", "ratio"), Column("asked", "asked"), Column("note", "note"))
     text = ("All by the clock, on a machine that does nothing else. Processes: whole, warm but where said; medians of "
             f"{ROUNDS} rounds in which every command runs once; the ratio is ours over the peer's; the processor time is that "
-            "of the process and of what it starts. Kernels: every method in turn in each round; the ratio is our rate over the peer's. The studio's lines are "
-            "measured in a browser: python -m pytest -m long tests/test_studio_browser.py -s.")
+            "of the process and of what it starts. Kernels: every method in turn in each round; the ratio is our rate over the "
+            "peer's. The studio's lines are measured in a browser: python -m pytest -m long tests/test_studio_browser.py -s.")
     machine = Table("waits-machine", "What machine it was", f"{LOOP:,} steps of a loop in Python: where the clock's time is "
                     "above the processor's, others were at work; where the processor's differ, the machine changed its speed.",
                     (Column("when", "when"), Column("cpu_s", "processor time, s"), Column("wall_s", "time, s")),
