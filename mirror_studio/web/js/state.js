@@ -111,18 +111,22 @@ export class Store {
 
   // --- the address: the preset, then every key that differs from it ---
 
+  // An address that was put there and is yet to be read, as a link that is pasted just after a change, stays.
   toAddress() {
+    if (location.hash.length > 1 && location.hash !== this.address) return;
     const parts = [this.now.preset];
     const { spec, look, limits } = this.now;
     const own = flat({ ...spec, look, limits: { ...spec.limits, ...limits } });
     const preset = flat({ ...this.presets[this.now.preset], look: this.look });
     for (const key of differing(own, preset)) parts.push(`${key}=${key in own ? encode(own[key]) : ""}`);
     history.replaceState(null, "", `#${parts.join("&")}`);
+    this.address = location.hash;
   }
 
   // Raises nothing: what cannot be read is left out, as is what `refused` has words for, which are returned; the server says
   // what is wrong with the rest. null: the address holds no design.   later: the page has a design, which undo brings back.
   fromAddress(refused, later = false) {
+    this.address = location.hash; // as it was last written or read
     const [preset, ...parts] = location.hash.slice(1).split("&");
     if (!preset) return null;
     const left = [];
