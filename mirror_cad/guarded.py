@@ -221,6 +221,14 @@ def interpreter() -> str:
     return os.fsdecode(executable) if executable else ""
 
 
+def import_path() -> list[str]:
+    """What we import from, whatever the current folder is: that is left out where it is gone."""
+    here = []
+    with contextlib.suppress(FileNotFoundError):
+        here = [os.getcwd()]
+    return [place for entry in sys.path for place in ([str(entry)] if entry else here)]
+
+
 def _started(memory: int | None, modules: tuple[str, ...]) -> _Child:
     command = [interpreter(), "-P", "-c", _BOOT]
     try:
@@ -233,7 +241,7 @@ def _started(memory: int | None, modules: tuple[str, ...]) -> _Child:
     assert process.stdin is not None
     assert process.stdout is not None
     threading.Thread(target=_pump, args=(process.stdout, answers), daemon=True, name="guarded-process").start()
-    path = [str(entry) or os.getcwd() for entry in sys.path]
+    path = import_path()
     with contextlib.suppress(OSError):  # the first call will see that it has ended
         process.stdin.write(json.dumps(path).encode() + b"\n")
         write_frame(process.stdin, pickle.dumps((memory, modules)))

@@ -61,15 +61,14 @@ def compile_beside() -> None:
 
     if THREADS == 1:
         return
-    from mirror_cad.guarded import interpreter
+    from mirror_cad.guarded import import_path, interpreter
     from raytrace.first_use import is_first
 
     if not is_first():
         return
+    path = os.pathsep.join(import_path())
     for part in PARTS:
         try:
-            # What we import from, whatever lies in the current folder, which may be gone.
-            path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
             _beside.append(subprocess.Popen(
                 [interpreter(), "-P", "-c", f"from raytrace.first_use import {part}; {part}()"], stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": path}))

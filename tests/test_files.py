@@ -323,3 +323,23 @@ def test_a_full_disk_leaves_nothing_and_says_so(tmp_path: Path) -> None:
     finally:
         if mounted:
             subprocess.run(["umount", small], check=True)
+
+
+def test_a_current_folder_that_is_gone_is_said(tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    inside = ("import os, runpy, sys; os.rmdir(os.getcwd()); "
+              f"sys.argv = ['mirror-cad', 'build', 'sphere-950', '--out', {str(tmp_path / 'set')!r}]; "
+              "runpy.run_module('mirror_studio', run_name='__main__')")
+    result = subprocess.run([sys.executable, "-c", inside], cwd=folder, capture_output=True, text=True, timeout=120)
+    assert result.returncode == 2, result.stderr
+    assert "the current folder is there no longer" in result.stderr
+    assert not (tmp_path / "set").exists()
+
+
+def test_nothing_but_results_goes_to_the_standard_output(tmp_path: Path) -> None:
+    """The kernel has words of its own for an STL file that is cut off."""
+    (tmp_path / "cut.stl").write_bytes(b"mirror".ljust(80) + (1000).to_bytes(4, "little") + bytes(700))
+    result = command("trace", "cut.stl", "--json", cwd=tmp_path)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert "not an STL file with triangles in it" in result.stderr

@@ -9,6 +9,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
 from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
+from OCP.Message import Message, Message_Printer
 from OCP.RWStl import RWStl
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
@@ -54,6 +55,8 @@ def face_mesh(face: TopoDS_Face) -> SurfaceMesh:
 
 def read_stl_by_kernel(path: Path) -> SurfaceMesh:
     """The triangles of an STL file. Raises: FileError for one that holds none, or corners that are not finite."""
+    # What the kernel has to say of a damaged file would go to the standard output, which belongs to results.
+    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
     triangulation = RWStl.ReadFile_s(str(path))
     if triangulation is None or triangulation.NbTriangles() == 0:
         raise FileError(f"{path}: not an STL file with triangles in it")

@@ -87,7 +87,10 @@ def _beside(out: Path) -> tuple[Path, Path]:
 def _check(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise SpecError(f"--out {out}: this is a file; name a folder")
-    here = Path.cwd()
+    try:
+        here = Path.cwd()
+    except FileNotFoundError:
+        raise SpecError(f"--out {out}: the current folder is there no longer: go to another one") from None
     if out.exists() and (here == out.resolve() or out.resolve() in here.parents):
         raise SpecError(f"--out {out}: the current folder lies in it, and it is replaced by renaming: choose another")
     if out.is_symlink() or os.path.ismount(out):
