@@ -22,7 +22,7 @@ from mirror_studio.bench import evaluation, integrators, measuring, surfaces, te
 from mirror_studio.bench.integrators import Case
 from mirror_studio.bench.measuring import convergence
 from mirror_studio.bench.tracers.tracer import AbsentError
-from mirror_studio.bench.waits import _rates, processor_seconds
+from mirror_studio.bench.waits import _rates, seconds_of
 from mirror_studio.cli import BAD_INPUT, DONE, run
 from tests.conftest import designed
 
@@ -214,14 +214,15 @@ def test_unknown_part_is_refused_with_the_nearest_name(tmp_path: Path, monkeypat
 
 def test_a_wait_is_the_processor_time_of_a_process_and_of_its_children() -> None:
     busy = "import time\nwhile time.process_time() < 0.3: pass"
-    alone = processor_seconds([sys.executable, "-c", busy])
+    alone, waited = seconds_of([sys.executable, "-c", busy])
     child = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {busy!r}])"
     assert alone >= 0.3
-    assert processor_seconds([sys.executable, "-c", child]) >= 0.3
-    assert processor_seconds([sys.executable, "-c", "import os, sys; sys.exit(0 if os.environ['HOME'] == 'x' else 1)"],
-                             HOME="x") < alone
+    assert waited >= 0.3
+    assert seconds_of([sys.executable, "-c", child])[0] >= 0.3
+    assert seconds_of([sys.executable, "-c", "import os, sys; sys.exit(0 if os.environ['HOME'] == 'x' else 1)"],
+                      HOME="x")[0] < alone
     with pytest.raises(RuntimeError, match="ended with 2: .*no such thing"):
-        processor_seconds([sys.executable, "-c", "import sys; print('no such thing', file=sys.stderr); sys.exit(2)"])
+        seconds_of([sys.executable, "-c", "import sys; print('no such thing', file=sys.stderr); sys.exit(2)"])
 
 
 def test_a_rate_beside_a_peer_that_is_absent_says_why() -> None:

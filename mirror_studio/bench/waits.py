@@ -60,9 +60,9 @@ def tables(progress: Progress | None) -> tuple[Table, ...]:
     loops.append(("after", *_loop()))
     columns = (Column("work", "work"), Column("ours", "ours"), Column("unit", "unit"), Column("peer", "peer"),
                Column("theirs", "the peer's"), Column("ratio", "ratio"), Column("asked", "asked"), Column("note", "note"))
-    text = ("All by the clock, on a machine that does nothing else. Processes: whole, warm but where said; medians of "
-            f"{ROUNDS} rounds in which every command runs once; the ratio is ours over the peer's; the processor time is that "
-            "of the process and of what it starts. Kernels: every method in turn in each round; the ratio is our rate over the "
+    text = ("By the clock, but where a line says otherwise, on a machine at rest. Processes: whole, warm but where said; "
+            f"medians of {ROUNDS} rounds in which every command runs once; the ratio is ours over the peer's; the processor time "
+            "is that of the process and of what it starts. Kernels: every method in turn in each round; the ratio is our rate over the "
             "peer's. The studio's lines are measured in a browser: python -m pytest -m long tests/test_studio_browser.py -s.")
     machine = Table("waits-machine", "What machine it was", f"{LOOP:,} steps of a loop in Python: where the clock's time is "
                     "above the processor's, others were at work; where the processor's differ, the machine changed its speed.",
@@ -197,7 +197,7 @@ def _processes(progress: Progress) -> Iterator[Row]:
         seconds = []
         for round_ in range(ROUNDS + 1):  # the first fills caches
             progress.step(f"waits: commands, round {round_} of {ROUNDS}")
-            seconds.append([_seconds(each) for each in (bare, *(command for _, command, _ in warm))])
+            seconds.append([seconds_of(each) for each in (bare, *(command for _, command, _ in warm))])
         taken = np.array(seconds[1:])
         medians = np.median(taken, axis=0)
         for k, (name_, _, asked) in enumerate(warm, 1):
@@ -207,7 +207,7 @@ def _processes(progress: Progress) -> Iterator[Row]:
                    "note": f"{used:.1f} s of processor time"}
         progress.step("waits: the first command on a new machine")
         (first_cpu, first), (again_cpu, again), (_, imported) = (
-            _seconds(command, NUMBA_CACHE_DIR=str(folder / "numba")) for command in (warm[0][1], warm[0][1], bare))
+            seconds_of(command, NUMBA_CACHE_DIR=str(folder / "numba")) for command in (warm[0][1], warm[0][1], bare))
         yield {"work": "compiling, for the first build", "ours": first - again, "unit": "s", "peer": BARE_NAME,
                "theirs": imported, "ratio": (first - again) / imported, "asked": "≤ 6 s",
                "note": f"{first_cpu - again_cpu:.1f} s of processor time, in up to three processes"}
@@ -223,19 +223,14 @@ def _write_glass(path: Path) -> None:
     path.write_text(f'{preset}\n[glass]\nreflecting = "back"\n', encoding="utf-8")
 
 
-def processor_seconds(command: Sequence[str], **environment: str) -> float:
-    """User and system time of a command and of what it waits for, s.
+def seconds_of(command: Sequence[str], **environment: str) -> tuple[float, float]:
+    """User and system time of a command and of what it waits for, and the clock's, s.
 
     Raises
     ------
     RuntimeError
         Where it ends otherwise than well, or with a limit missed, with what it said.
     """
-    return _seconds(command, **environment)[0]
-
-
-def _seconds(command: Sequence[str], **environment: str) -> tuple[float, float]:
-    """`processor_seconds`, and by the clock."""
     began = time.perf_counter()
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=os.environ | environment)
