@@ -61,9 +61,10 @@ def tables(progress: Progress | None) -> tuple[Table, ...]:
     columns = (Column("work", "work"), Column("ours", "ours"), Column("unit", "unit"), Column("peer", "peer"),
                Column("theirs", "the peer's"), Column("ratio", "ratio"), Column("asked", "asked"), Column("note", "note"))
     text = ("By the clock, but where a line says otherwise, on a machine at rest. Processes: whole, warm but where said; "
-            f"medians of {ROUNDS} rounds in which every command runs once; the ratio is ours over the peer's; the processor time "
-            "is that of the process and of what it starts. Kernels: every method in turn in each round; the ratio is our rate over the "
-            "peer's. The studio's lines are measured in a browser: python -m pytest -m long tests/test_studio_browser.py -s.")
+            f"medians of {ROUNDS} rounds in which every command runs once; the ratio is ours over the peer's; the processor "
+            "time is that of the process and of what it starts. Kernels: every method in turn in each round; the ratio is our "
+            "rate over the peer's. The studio's lines are measured in a browser: "
+            "python -m pytest -m long tests/test_studio_browser.py -s.")
     machine = Table("waits-machine", "What machine it was", f"{LOOP:,} steps of a loop in Python: where the clock's time is "
                     "above the processor's, others were at work; where the processor's differ, the machine changed its speed.",
                     (Column("when", "when"), Column("cpu_s", "processor time, s"), Column("wall_s", "time, s")),
